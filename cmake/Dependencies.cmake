@@ -1,0 +1,27 @@
+# SPDX-License-Identifier: Apache-2.0
+# Debian 12 packages (deploy/packages.txt); what each is for stands in the README.
+find_package(PkgConfig REQUIRED)
+find_package(Threads REQUIRED)
+find_package(Eigen3 REQUIRED NO_MODULE)
+find_package(OpenCV 4.6 REQUIRED COMPONENTS core imgproc imgcodecs)
+find_package(spdlog REQUIRED)
+find_package(tl-expected REQUIRED)
+find_package(nlohmann_json REQUIRED)
+find_package(CLI11 REQUIRED)
+find_package(yaml-cpp REQUIRED)
+find_package(TinyGLTF REQUIRED)
+find_package(tinyobjloader REQUIRED)
+find_package(prometheus-cpp CONFIG REQUIRED)
+find_package(Boost 1.74 REQUIRED)
+pkg_check_modules(lcm REQUIRED IMPORTED_TARGET lcm) # 1.3.1 ships no CMake package
+pkg_check_modules(libav REQUIRED IMPORTED_TARGET libavcodec libavutil)
+find_program(LCM_GEN lcm-gen REQUIRED)
+
+# Headers of third parties are system headers: their warnings are not ours.
+add_library(mixstage_deps_base INTERFACE)
+add_library(mixstage::deps_base ALIAS mixstage_deps_base)
+target_include_directories(mixstage_deps_base SYSTEM INTERFACE ${OpenCV_INCLUDE_DIRS})
+target_link_libraries(mixstage_deps_base INTERFACE opencv_core opencv_imgproc opencv_imgcodecs spdlog::spdlog
+                      tl::expected Threads::Threads)
+# Eigen may not assume wider alignment than the libraries it meets were built with.
+target_compile_definitions(mixstage_deps_base INTERFACE EIGEN_MAX_ALIGN_BYTES=16 EIGEN_MAX_STATIC_ALIGN_BYTES=16)

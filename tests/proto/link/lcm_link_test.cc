@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "proto/link/lcm_link.h"
+
+#include <gtest/gtest.h>
+#include <lcm/lcm.h>
+
+#include "proto/link/reassembler.h"
+
+namespace mixstage {
+namespace {
+
+TEST(LcmLink, APictureCrossesInsideTheProcess) {
+  auto link = LcmLink::Create("memq://");
+  ASSERT_TRUE(link) << link.error().message;
+  ASSERT_TRUE((*link)->SelfTest());
+  Reassembler reassembler;
+  std::vector<EncodedFrame> received;
+  (*link)->Subscribe({.on_slice = [&](const mixstage_lcm::frame_slice_t& s) {
+                        if (auto f = reassembler.Add(s, 0)) received.push_back(*f);
+                      },
+                      .on_head = {},
+                      .on_health = {}});
+  EncodedFrame frame;
+  frame.epoch = 1;
+  frame.width = 10;
+  frame.height = 10;
+  frame.bytes.assign(100'000, 7);
+  CutIntoSlices(frame, [&](const mixstage_lcm::frame_slice_t& s) { EXPECT_TRUE((*link)->Publish(s)); });
+  (*link)->HandleFor(100);
+  ASSERT_EQ(received.size(), 1u);
+  EXPECT_EQ(received[0].bytes, frame.bytes);
+}
+
+TEST(LcmLink, AWrongUrlNamesTheFix) {
+  auto link = LcmLink::Create("nonsense://here");
+  ASSERT_FALSE(link);
+  EXPECT_NE(link.error().message.find("nonsense://here"), std::string::npos);
+}
+
+TEST(LcmLink, AMessageOfOurTypesIsOneDatagram) {
+  EXPECT_LE(mixstage_lcm::frame_slice_t{}.getEncodedSize(), 1400);
+}
+
+}  // namespace
+}  // namespace mixstage
