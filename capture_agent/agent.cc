@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "capture_agent/agent.h"
+
+#include <atomic>
+#include <array>
+#include <random>
+#include <thread>
+
+#include "proto/base/bounded_queue.h"
+#include "proto/base/log.h"
+
+namespace mixstage {
+namespace {
+
+constexpr std::size_t kQueuePictures = 8;
+
+std::int64_t RandomEpoch() {
+  std::random_device random;
+  std::int64_t epoch = 0;
+  while (epoch == 0) epoch = static_cast<std::int64_t>((std::uint64_t{random()} << 32) | random());
+  return epoch;
+}
+
+// What the capturing thread hands over. `index` counts everything captured of a stream: a gap is a drop.
+struct Queued {
+  Captured captured;
+  std::int64_t index = 0;
+};
+
+}  // namespace
+
+AgentTotals RunAgent(Source& source, Pace pace, LcmLink& link, const PublisherConfig& config, std::stop_token stop) {
+  BoundedQueue<Queued> queue(kQueuePictures, pace == Pace::kReal ? WhenFull::kDropOldest : WhenFull::kWait);
+  std::atomic<std::int64_t> dropped = 0;
+  AgentTotals totals;
+
+  std::jthread publishing([&] {
+    Publisher publisher(config, link, RandomEpoch());
+    std::array<std::int64_t, 5> next_index{};
+    while (auto item = queue.Pop()) {
+      if (const auto* picture = std::get_if<CapturedPicture>(&item->captured.what)) {
+        std::int64_t& next = next_index[static_cast<std::size_t>(picture->stream)];
+        for (; next < item->index; ++next) publisher.SkipPicture(picture->stream);
+        ++next;
+      }
+      publisher.Publish(item->captured);
+      publisher.PublishHealthIfDue(dropped, static_cast<int>(queue.size()));
+    }
+    totals.published = publisher.published();
+    totals.send_errors = publisher.send_errors();
+  });
+  // A stop must also wake a capture that waits for room in the queue.
+  const std::stop_callback close_on_stop(stop, [&] { queue.Close(); });
+
+  std::array<std::int64_t, 5> index{};
+  while (!stop.stop_requested()) {
+    auto captured = source.Next(stop);
+    if (!captured) {
+      if (totals.unreadable++ == 0) spdlog::warn("source unreadable=1 reason=\"{}\"", captured.error().message);
+      continue;
+    }
+    if (!*captured) break;
+    ++totals.captured;
+    std::int64_t number = 0;
+    if (const auto* picture = std::get_if<CapturedPicture>(&(*captured)->what)) {
+      number = index[static_cast<std::size_t>(picture->stream)]++;
+    }
+    dropped += queue.Push({std::move(**captured), number});
+  }
+  queue.Close();
+  publishing.join();
+  totals.dropped = dropped;
+  return totals;
+}
+
+}  // namespace mixstage

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <pthread.h>
+#include <signal.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+#include <stop_token>
+#include <thread>
+
+#include "capture_agent/agent.h"
+#include "capture_agent/sources/synthetic_source.h"
+#include "capture_agent/sources/take_source.h"
+#include "proto/base/log.h"
+#include "proto/base/version.h"
+
+namespace mixstage {
+namespace {
+
+struct Options {
+  std::string source, rig_file, lcm_url = kDefaultLcmUrl, rate = "real", log_level = "info", name = "head-1";
+  bool loop = false;
+};
+
+Result<std::unique_ptr<Source>> OpenSource(const Options& options, Pace pace) {
+  constexpr std::string_view kTake = "take:";
+  if (options.source.starts_with(kTake)) {
+    auto take = OpenTake(options.source.substr(kTake.size()));
+    if (!take) return tl::unexpected(take.error());
+    for (const std::string& warning : take->warnings) spdlog::warn("take {}", warning);
+    spdlog::info("take folder={} color={} depth={} amplitude={} fisheye={}", take->folder.string(), take->color.size(),
+                 take->depth.size(), take->amplitude.size(), take->fisheye.size());
+    return MakeTakeSource(std::move(*take), pace, options.loop ? AtEnd::kLoop : AtEnd::kStop);
+  }
+  if (options.source == "synthetic") {
+    if (options.rig_file.empty()) return MakeSyntheticSource(std::nullopt, pace);
+    auto rig = LoadRig(options.rig_file);
+    if (!rig) return tl::unexpected(rig.error());
+    for (const std::string& warning : rig->warnings) spdlog::warn("rig {}: {}", options.rig_file, warning);
+    return MakeSyntheticSource(rig->rig, pace);
+  }
+  return Fail(ErrorCode::kInvalidConfig, "--source " + options.source + " is neither take:DIR nor synthetic");
+}
+
+Status Run(const Options& options) {
+  if (auto ok = StartLog("mixstage-agent", options.log_level); !ok) return ok;
+  // Signals are taken by one thread that waits for them; blocked before any other thread starts.
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGINT);
+  sigaddset(&signals, SIGTERM);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+
+  const Pace pace = options.rate == "real" ? Pace::kReal : Pace::kMax;
+  auto source = OpenSource(options, pace);
+  if (!source) return tl::unexpected(source.error());
+  auto link = LcmLink::Create(options.lcm_url);
+  if (!link) return tl::unexpected(link.error());
+
+  std::stop_source stop;
+  std::jthread signal_thread([&](const std::stop_token& done) {
+    const timespec poll{0, 100'000'000};
+    while (!done.stop_requested()) {
+      if (sigtimedwait(&signals, nullptr, &poll) > 0) return (void)stop.request_stop();
+    }
+  });
+  PublisherConfig config;
+  config.name = options.name;
+  spdlog::info("agent name={} source={} lcm={}", options.name, options.source, options.lcm_url);
+  const AgentTotals t = RunAgent(**source, pace, **link, config, stop.get_token());
+  spdlog::info("agent end captured={} published={} dropped={} unreadable={} send_errors={}", t.captured, t.published,
+               t.dropped, t.unreadable, t.send_errors);
+  if (t.captured == 0 && t.unreadable > 0) {
+    return Fail(ErrorCode::kBadInput, "no picture of " + options.source + " could be read");
+  }
+  return {};
+}
+
+}  // namespace
+}  // namespace mixstage
+
+int main(int argc, char** argv) {
+  mixstage::Options options;
+  CLI::App app{"Publishes the pictures of a camera head (colour, depth, amplitude, fisheye, angles) over LCM."};
+  app.set_version_flag("--version", std::string("mixstage-agent ") + mixstage::kVersion);
+  app.add_option("--source", options.source, "take:DIR (a capture folder) or synthetic (a room and a walking figure)")
+      ->required();
+  app.add_flag("--loop", options.loop, "take: start again at its end, times carried on");
+  app.add_option("--rate", options.rate, "take: real time, or max (as fast as the network takes it)")
+      ->check(CLI::IsMember({"real", "max"}))
+      ->capture_default_str();
+  app.add_option("--rig", options.rig_file, "synthetic: rig.json whose cameras see the room");
+  app.add_option("--lcm", options.lcm_url, "LCM URL")->capture_default_str();
+  app.add_option("--name", options.name, "how people call this head")->capture_default_str();
+  app.add_option("--log-level", options.log_level, "trace, debug, info, warn, error or off")->capture_default_str();
+  app.footer("Examples:\n  mixstage-agent --source synthetic\n  mixstage-agent --source take:recordings/monday --loop");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  }
+  if (auto ok = mixstage::Run(options); !ok) {
+    std::fprintf(stderr, "mixstage-agent: %s\n", ok.error().message.c_str());
+    return mixstage::ExitCode(ok.error());
+  }
+  return 0;
+}

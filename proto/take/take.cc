@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "proto/take/take.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <fstream>
+#include <sstream>
+
+#include "proto/take/picture_files.h"
+
+namespace mixstage {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kMaxLines = 10'000'000;
+constexpr double kTumBenchmarkUnitM = 0.0002;
+
+// Calls read(stream of one line, place) for every line that is neither empty nor a comment.
+template <typename Read>
+Status ForEachLine(const fs::path& file, Read read) {
+  std::ifstream in(file);
+  if (!in) return Fail(ErrorCode::kBadInput, file.string() + ": cannot be read");
+  std::string line;
+  for (std::size_t number = 1; std::getline(in, line); ++number) {
+    if (number > kMaxLines) return Fail(ErrorCode::kBadInput, file.string() + ": has too many lines");
+    const std::size_t start = line.find_first_not_of(" \t\r");
+    if (start == std::string::npos || line[start] == '#') continue;
+    std::istringstream fields(line);
+    if (auto ok = read(fields); !ok) return Within(file.string() + ":" + std::to_string(number), ok.error());
+  }
+  return {};
+}
+
+template <typename Entry>
+Status AppendRising(std::vector<Entry>& entries, Entry entry) {
+  if (!std::isfinite(entry.t_s)) return Fail(ErrorCode::kBadInput, "the timestamp is not a finite number");
+  if (!entries.empty() && entry.t_s <= entries.back().t_s) {
+    return Fail(ErrorCode::kBadInput, "the timestamp does not rise");
+  }
+  entries.push_back(std::move(entry));
+  return {};
+}
+
+bool LeavesTheFolder(const fs::path& relative) {
+  return relative.is_absolute() || std::any_of(relative.begin(), relative.end(), [](const fs::path& p) { return p == ".."; });
+}
+
+Status ReadPictureList(Take& take, const char* name, std::vector<TakeEntry>& entries) {
+  const fs::path list = take.folder / name;
+  if (!fs::exists(list)) return {};
+  int missing = 0;
+  std::string first_missing;
+  auto read = [&](std::istringstream& fields) -> Status {
+    TakeEntry entry;
+    std::string relative;
+    if (!(fields >> entry.t_s >> relative)) return Fail(ErrorCode::kBadInput, "is not \"timestamp file\"");
+    if (LeavesTheFolder(relative)) return Fail(ErrorCode::kBadInput, relative + " leads out of the take's folder");
+    entry.file = take.folder / relative;
+    std::error_code ignored;
+    if (!fs::is_regular_file(entry.file, ignored)) {
+      if (missing++ == 0) first_missing = entry.file.string();
+      return {};
+    }
+    return AppendRising(entries, std::move(entry));
+  };
+  if (auto ok = ForEachLine(list, read); !ok) return ok;
+  if (missing > 0) {
+    take.warnings.push_back(list.string() + ": " + std::to_string(missing) + " listed files are missing, the first is " +
+                            first_missing);
+  }
+  return {};
+}
+
+Status ReadHead(Take& take) {
+  const fs::path file = take.folder / "ptu.txt";
+  if (!fs::exists(file)) return {};
+  return ForEachLine(file, [&](std::istringstream& fields) -> Status {
+    HeadSample sample;
+    if (!(fields >> sample.t_s >> sample.pan_deg >> sample.tilt_deg) || !std::isfinite(sample.pan_deg) ||
+        !std::isfinite(sample.tilt_deg)) {
+      return Fail(ErrorCode::kBadInput, "is not \"timestamp pan_deg tilt_deg\"");
+    }
+    return AppendRising(take.head, sample);
+  });
+}
+
+// A folder straight from the TUM RGB-D benchmark: its lists name the .bag they come from, or the accelerometer's
+// record lies beside them.
+bool IsTumBenchmarkFolder(const fs::path& folder) {
+  if (fs::exists(folder / "accelerometer.txt")) return true;
+  for (const char* name : {"rgb.txt", "depth.txt"}) {
+    std::ifstream in(folder / name);
+    std::string line;
+    for (int i = 0; i < 5 && std::getline(in, line); ++i) {
+      if (!line.empty() && line[0] == '#' && line.find(".bag") != std::string::npos) return true;
+    }
+  }
+  return false;
+}
+
+}  // namespace
+
+Result<Take> OpenTake(const fs::path& folder) {
+  Take take;
+  take.folder = folder;
+  std::error_code ignored;
+  if (!fs::is_directory(folder, ignored)) return Fail(ErrorCode::kBadInput, folder.string() + ": is not a folder");
+  if (!fs::exists(folder / "rgb.txt")) {
+    return Fail(ErrorCode::kBadInput, (folder / "rgb.txt").string() + ": is missing (a take lists its colour pictures there)");
+  }
+  for (auto [name, entries] : {std::pair{"rgb.txt", &take.color}, std::pair{"depth.txt", &take.depth},
+                               std::pair{"amplitude.txt", &take.amplitude}, std::pair{"fisheye.txt", &take.fisheye}}) {
+    if (auto ok = ReadPictureList(take, name, *entries); !ok) return tl::unexpected(ok.error());
+  }
+  if (auto ok = ReadHead(take); !ok) return tl::unexpected(ok.error());
+  if (take.color.empty()) {
+    return Fail(ErrorCode::kBadInput, (folder / "rgb.txt").string() + ": lists no colour picture that exists");
+  }
+  if (fs::exists(folder / "clean_plate" / "rgb.txt")) take.clean_plate = folder / "clean_plate";
+  if (IsTumBenchmarkFolder(folder)) take.assumed_depth_unit_m = kTumBenchmarkUnitM;
+  return take;
+}
+
+Result<std::vector<PoseSample>> ReadPoses(const fs::path& file) {
+  std::vector<PoseSample> poses;
+  auto read = [&](std::istringstream& fields) -> Status {
+    PoseSample sample;
+    std::array<double, 7> numbers{};
+    fields >> sample.t_s;
+    for (double& n : numbers) fields >> n;
+    if (!fields) return Fail(ErrorCode::kBadInput, "is not \"timestamp tx ty tz qx qy qz qw\"");
+    auto T = RigidFromTum(numbers);
+    if (!T) return tl::unexpected(T.error());
+    sample.T_world_color = *T;
+    return AppendRising(poses, sample);
+  };
+  if (auto ok = ForEachLine(file, read); !ok) return tl::unexpected(ok.error());
+  if (poses.empty()) return Fail(ErrorCode::kBadInput, file.string() + ": holds no pose");
+  return poses;
+}
+
+Result<LoadedRig> RigOfTake(const Take& take, const RigChoice& choice) {
+  auto size = ReadColorSize(take.color.front().file);
+  if (!size) return tl::unexpected(size.error());
+  fs::path file;
+  if (choice.rig_file) {
+    file = *choice.rig_file;
+  } else if (fs::exists(take.folder / "rig.json")) {
+    file = take.folder / "rig.json";
+  } else if (const fs::path up = fs::absolute(take.folder).lexically_normal() / ".." / "rig.json"; fs::exists(up)) {
+    file = up.lexically_normal();
+  }
+  LoadedRig loaded;
+  if (file.empty()) {
+    const double unit_m = choice.depth_unit_m.value_or(take.assumed_depth_unit_m);
+    loaded.rig = AssumedRig(size->width, size->height, unit_m);
+    std::ostringstream text;
+    text << "no rig.json: assuming depth registered to colour, " << unit_m << " m per count, fx = fy = "
+         << loaded.rig.color.fx << " px, principal point in the picture's centre";
+    loaded.warnings.push_back(text.str());
+  } else {
+    auto read = LoadRig(file);
+    if (!read) return read;
+    loaded = std::move(*read);
+    for (std::string& warning : loaded.warnings) warning = file.string() + ": " + warning;
+    if (choice.depth_unit_m && loaded.rig.depth) loaded.rig.depth->unit_m = *choice.depth_unit_m;
+  }
+  if (loaded.rig.color.width != size->width || loaded.rig.color.height != size->height) {
+    return Fail(ErrorCode::kBadInput,
+                file.string() + ": cameras.color is " + std::to_string(loaded.rig.color.width) + " x " +
+                    std::to_string(loaded.rig.color.height) + ", the take's pictures are " +
+                    std::to_string(size->width) + " x " + std::to_string(size->height));
+  }
+  return loaded;
+}
+
+}  // namespace mixstage

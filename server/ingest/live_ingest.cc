@@ -1,0 +1,197 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/ingest/live_ingest.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "proto/base/clock.h"
+#include "proto/base/log.h"
+
+namespace mixstage {
+namespace {
+
+constexpr std::size_t kKeptDepths = 4;
+constexpr std::size_t kMaxAgents = 8;
+
+}  // namespace
+
+LiveIngest::LiveIngest(const Rig& rig, Mailbox<std::shared_ptr<const CapturedFrame>>& out) : rig_(rig), out_(out) {}
+
+void LiveIngest::OnSlice(const mixstage_lcm::frame_slice_t& slice, std::int64_t now_us) {
+  auto encoded = reassembler_.Add(slice, now_us);
+  if (!encoded) return PublishTransportCounters();
+  if (!Follows(encoded->epoch, now_us)) return Drop("other_agent");
+  clock_.Observe(encoded->t_us, now_us);
+  switch (encoded->stream) {
+    case Stream::kColor:
+      return OnColor(*encoded, now_us);
+    case Stream::kDepth:
+    case Stream::kAmplitude:
+      return OnDepth(*encoded, now_us);
+    case Stream::kFisheye:
+      return;  // the tracker's, once there is one
+  }
+}
+
+// Counters of the transport that are not zero, as drop reasons. Most slices change nothing but their number.
+void LiveIngest::PublishTransportCounters() {
+  const Reassembler::Counters& c = reassembler_.counters();
+  const std::int64_t refused = c.bad_slice + c.duplicate_slice + c.late_slice + c.incomplete + c.crc + c.no_room;
+  if (refused == refused_seen_) return;
+  refused_seen_ = refused;
+  const std::lock_guard lock(mutex_);
+  for (const auto& [reason, count] : {std::pair{"bad_slice", c.bad_slice}, std::pair{"duplicate_slice", c.duplicate_slice},
+                                      std::pair{"late_slice", c.late_slice}, std::pair{"incomplete", c.incomplete},
+                                      std::pair{"crc", c.crc}, std::pair{"no_room", c.no_room}}) {
+    if (count > 0) status_.drops[reason] = count;
+  }
+}
+
+bool LiveIngest::Follows(std::int64_t epoch, std::int64_t now_us) {
+  if (epoch != followed_epoch_) {
+    if (followed_epoch_ != 0 && now_us - followed_heard_us_ < kSwitchUs) return false;
+    spdlog::info("ingest agent_epoch={:016x}", static_cast<std::uint64_t>(epoch));
+    followed_epoch_ = epoch;
+    clock_ = ClockMap();
+    next_sequence_ = -1;
+    depths_.clear();
+    amplitude_.release();
+    head_.reset();
+  }
+  followed_heard_us_ = now_us;
+  return true;
+}
+
+void LiveIngest::OnColor(const EncodedFrame& encoded, std::int64_t now_us) {
+  // Numbers that the agent's sequence skips are pictures that were lost; the first of an epoch skips none.
+  std::int64_t lost = 0;
+  if (next_sequence_ >= 0) {
+    lost = encoded.sequence - next_sequence_;
+    if (lost < 0) return Drop("late");  // the reassembler delivers in order: only a forged number comes here
+    lost = std::min<std::int64_t>(lost, 1'000'000);
+  }
+  next_sequence_ = encoded.sequence + 1;
+  next_frame_ += lost;
+  if (lost > 0) {
+    Drop("lost", lost);
+    const std::lock_guard lock(mutex_);
+    Agent(encoded.epoch, now_us).lost += lost;
+  }
+  auto frame = std::make_shared<CapturedFrame>();
+  frame->frame = next_frame_++;
+  frame->epoch = encoded.epoch;
+  frame->capture_us = clock_.ToServer(encoded.t_us);
+  const std::int64_t wall_us = MonotonicMicros();
+  const std::int64_t cpu_us = ThreadCpuMicros();
+  if (auto ok = jpeg_.Decode(encoded.bytes, frame->color); !ok) {
+    spdlog::debug("ingest reason=\"{}\"", ok.error().message);
+    return Drop("bad_jpeg");
+  }
+  if (frame->color.width() != rig_.color.width || frame->color.height() != rig_.color.height) {
+    return Drop("color_size_not_rig");
+  }
+  frame->depth = NewestDepthBefore(frame->capture_us);
+  frame->head = head_;
+  {
+    const std::lock_guard lock(mutex_);
+    ++status_.color_pictures;
+    status_.last_color_us = now_us;
+    status_.decode_wall_ms = static_cast<double>(MonotonicMicros() - wall_us) * 1e-3;
+    status_.decode_cpu_ms = static_cast<double>(ThreadCpuMicros() - cpu_us) * 1e-3;
+    Agent(encoded.epoch, now_us).last_heard_us = now_us;
+  }
+  if (out_.Put(std::move(frame))) Drop("late");
+}
+
+void LiveIngest::OnDepth(const EncodedFrame& encoded, std::int64_t now_us) {
+  cv::Mat1w picture;
+  if (auto ok = depth_decoder_.Decode(encoded.bytes, picture); !ok) return Drop("bad_depth");
+  if (!rig_.depth || picture.cols != rig_.depth->camera.width || picture.rows != rig_.depth->camera.height) {
+    return Drop("depth_size_not_rig");
+  }
+  if (encoded.stream == Stream::kAmplitude) {
+    amplitude_t_us_ = encoded.t_us;
+    amplitude_ = picture;
+    // Depth and amplitude of one exposure come as two pictures in either order.
+    if (!depths_.empty() && depths_.back()->sequence == encoded.sequence && depths_.back()->amplitude.empty()) {
+      auto with = std::make_shared<DepthPicture>(*depths_.back());
+      with->amplitude = picture;
+      depths_.back() = std::move(with);
+    }
+    return;
+  }
+  auto depth = std::make_shared<DepthPicture>();
+  depth->capture_us = clock_.ToServer(encoded.t_us) + std::llround(rig_.depth_time_offset_s * 1e6);
+  depth->sequence = encoded.sequence;
+  depth->counts = picture;
+  if (amplitude_t_us_ == encoded.t_us) depth->amplitude = amplitude_;
+  depths_.push_back(std::move(depth));
+  if (depths_.size() > kKeptDepths) depths_.pop_front();
+  const std::lock_guard lock(mutex_);
+  ++status_.depth_pictures;
+  status_.last_depth_us = now_us;
+}
+
+std::shared_ptr<const DepthPicture> LiveIngest::NewestDepthBefore(std::int64_t capture_us) const {
+  for (auto it = depths_.rbegin(); it != depths_.rend(); ++it) {
+    if ((*it)->capture_us > capture_us) continue;
+    return capture_us - (*it)->capture_us <= kDepthStaleUs ? *it : nullptr;
+  }
+  return nullptr;
+}
+
+void LiveIngest::OnHead(const mixstage_lcm::head_angles_t& angles, std::int64_t now_us) {
+  if (angles.epoch == 0 || !std::isfinite(angles.pan_deg) || !std::isfinite(angles.tilt_deg)) return Drop("bad_head");
+  if (angles.epoch != followed_epoch_) return;
+  clock_.Observe(angles.t_us, now_us);
+  head_ = HeadAngles{angles.pan_deg, angles.tilt_deg};
+}
+
+void LiveIngest::OnHealth(const mixstage_lcm::agent_health_t& health, std::int64_t now_us) {
+  const bool finite = std::isfinite(health.color_fps) && std::isfinite(health.depth_fps) &&
+                      std::isfinite(health.fisheye_fps) && std::isfinite(health.encode_ms);
+  if (health.epoch == 0 || !finite) return Drop("bad_health");
+  const std::lock_guard lock(mutex_);
+  AgentStatus& agent = Agent(health.epoch, now_us);
+  const auto* name = reinterpret_cast<const char*>(health.name);
+  agent.name.assign(name, std::find(name, name + sizeof health.name, '\0'));
+  // The name goes into JSON, metrics and logs: printable ASCII only.
+  std::replace_if(agent.name.begin(), agent.name.end(), [](char c) { return c < ' ' || c > '~' || c == '"' || c == '\\'; }, '?');
+  agent.last_heard_us = now_us;
+  agent.color_fps = health.color_fps;
+  agent.depth_fps = health.depth_fps;
+  agent.fisheye_fps = health.fisheye_fps;
+  agent.encode_ms = health.encode_ms;
+  agent.queue = health.queue;
+  agent.dropped = health.dropped;
+  agent.send_errors = health.send_errors;
+}
+
+// Called with mutex_ held. The list is short; the one not heard for longest makes room.
+AgentStatus& LiveIngest::Agent(std::int64_t epoch, std::int64_t now_us) {
+  auto& agents = status_.agents;
+  auto found = std::find_if(agents.begin(), agents.end(), [&](const AgentStatus& a) { return a.epoch == epoch; });
+  if (found != agents.end()) return *found;
+  if (agents.size() >= kMaxAgents) {
+    agents.erase(std::min_element(agents.begin(), agents.end(), [](const AgentStatus& a, const AgentStatus& b) {
+      return a.last_heard_us < b.last_heard_us;
+    }));
+  }
+  AgentStatus agent;
+  agent.epoch = epoch;
+  agent.last_heard_us = now_us;
+  return agents.emplace_back(std::move(agent));
+}
+
+void LiveIngest::Drop(const char* reason, std::int64_t count) {
+  const std::lock_guard lock(mutex_);
+  status_.drops[reason] += count;
+}
+
+IngestStatus LiveIngest::Status() const {
+  const std::lock_guard lock(mutex_);
+  return status_;
+}
+
+}  // namespace mixstage

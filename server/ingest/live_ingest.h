@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <memory>
+#include <mixstage_lcm/agent_health_t.hpp>
+#include <mixstage_lcm/head_angles_t.hpp>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "proto/base/mailbox.h"
+#include "proto/codec/depth_codec.h"
+#include "proto/codec/jpeg.h"
+#include "proto/geometry/rig.h"
+#include "proto/link/reassembler.h"
+#include "server/ingest/captured_frame.h"
+#include "server/ingest/clock_map.h"
+
+namespace mixstage {
+
+// What is known of an agent, for the page and the metrics.
+struct AgentStatus {
+  std::int64_t epoch = 0;
+  std::string name;
+  std::int64_t last_heard_us = 0;  // server clock
+  float color_fps = 0, depth_fps = 0, fisheye_fps = 0, encode_ms = 0;
+  std::int64_t queue = 0, dropped = 0, send_errors = 0, lost = 0;
+};
+
+struct IngestStatus {
+  std::map<std::string, std::int64_t> drops;  // by reason, since the start
+  std::vector<AgentStatus> agents;
+  std::int64_t color_pictures = 0, depth_pictures = 0;
+  std::int64_t last_color_us = 0, last_depth_us = 0;  // arrival on the server's clock; 0 = never
+  double decode_wall_ms = 0, decode_cpu_ms = 0;       // of the last colour picture
+};
+
+// Slices to paired frames (DESIGN "Time and frames"): reassembles, decodes, maps clocks, pairs colour with the newest
+// depth and puts the frame into the mailbox, where the newest wins. One thread feeds it (`ingest`); Status() may be
+// called from any.
+//
+// One agent is followed: the first whose colour arrives, until it has been silent for kSwitchUs. Pictures of another
+// are counted ("other_agent"), so that two agents started by mistake do not cut into each other.
+class LiveIngest {
+ public:
+  static constexpr std::int64_t kSwitchUs = 500'000;
+  static constexpr std::int64_t kDepthStaleUs = 1'000'000;  // older depth is no depth: the key goes on by colour
+
+  LiveIngest(const Rig& rig, Mailbox<std::shared_ptr<const CapturedFrame>>& out);
+
+  void OnSlice(const mixstage_lcm::frame_slice_t& slice, std::int64_t now_us);
+  void OnHead(const mixstage_lcm::head_angles_t& angles, std::int64_t now_us);
+  void OnHealth(const mixstage_lcm::agent_health_t& health, std::int64_t now_us);
+
+  [[nodiscard]] IngestStatus Status() const;
+
+ private:
+  void OnColor(const EncodedFrame& encoded, std::int64_t now_us);
+  void OnDepth(const EncodedFrame& encoded, std::int64_t now_us);
+  void PublishTransportCounters();
+  bool Follows(std::int64_t epoch, std::int64_t now_us);
+  AgentStatus& Agent(std::int64_t epoch, std::int64_t now_us);
+  std::shared_ptr<const DepthPicture> NewestDepthBefore(std::int64_t capture_us) const;
+  void Drop(const char* reason, std::int64_t count = 1);
+
+  const Rig rig_;
+  Mailbox<std::shared_ptr<const CapturedFrame>>& out_;
+  Reassembler reassembler_;
+  std::int64_t refused_seen_ = 0;
+  JpegDecoder jpeg_;
+  DepthDecoder depth_decoder_;
+
+  std::int64_t followed_epoch_ = 0, followed_heard_us_ = 0;
+  ClockMap clock_;
+  std::int64_t next_sequence_ = -1;  // of colour, in the followed epoch
+  std::int64_t next_frame_ = 0;
+  std::deque<std::shared_ptr<const DepthPicture>> depths_;  // newest at the back
+  std::int64_t amplitude_t_us_ = 0;
+  cv::Mat1w amplitude_;
+  std::optional<HeadAngles> head_;
+
+  mutable std::mutex mutex_;  // guards status_
+  IngestStatus status_;
+};
+
+}  // namespace mixstage
