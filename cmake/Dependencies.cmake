@@ -24,4 +24,5 @@ target_include_directories(mixstage_deps_base SYSTEM INTERFACE ${OpenCV_INCLUDE_
 target_link_libraries(mixstage_deps_base INTERFACE opencv_core opencv_imgproc opencv_imgcodecs spdlog::spdlog
                       tl::expected Threads::Threads)
 # Eigen may not assume wider alignment than the libraries it meets were built with.
-target_compile_definitions(mixstage_deps_base INTERFACE EIGEN_MAX_ALIGN_BYTES=16 EIGEN_MAX_STATIC_ALIGN_BYTES=16)
+target_compile_definitions(mixstage_deps_base INTERFACE EIGEN_MAX_ALIGN_BYTES=16 EIGEN_MAX_STATIC_ALIGN_BYTES=16
+                           MIXSTAGE_VERSION="${PROJECT_VERSION}")

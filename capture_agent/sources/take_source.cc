@@ -69,7 +69,7 @@ class TakeSource final : public Source {
       picture.content = std::move(content);
     } else {
       auto bytes = ReadFileBytes(event.picture->file, static_cast<std::uintmax_t>(kMaxFrameBytes));
-      if (!bytes) return tl::unexpected(bytes.error());
+      if (!bytes) return Within(event.picture->file.string(), bytes.error());
       if (IsJpeg(*bytes)) {
         auto header = decoder_.ReadHeader(*bytes);
         if (!header) return Within(event.picture->file.string(), header.error());

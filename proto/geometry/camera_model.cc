@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "proto/geometry/camera_model.h"
 
+#include <Eigen/LU>
 #include <cmath>
 #include <limits>
 #include <utility>

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <fstream>
 #include <opencv2/imgcodecs.hpp>
 #include <optional>
 #include <span>
@@ -55,26 +54,13 @@ Result<cv::Mat> DecodePng(const std::vector<std::uint8_t>& bytes, int flags) {
 
 }  // namespace
 
-Result<std::vector<std::uint8_t>> ReadFileBytes(const fs::path& file, std::uintmax_t max_bytes) {
-  std::error_code error;
-  const std::uintmax_t size = fs::file_size(file, error);
-  if (error) return Fail(ErrorCode::kBadInput, file.string() + ": cannot be read: " + error.message());
-  if (size > max_bytes) return Fail(ErrorCode::kBadInput, file.string() + ": is larger than " + std::to_string(max_bytes) + " bytes");
-  std::vector<std::uint8_t> bytes(size);
-  std::ifstream in(file, std::ios::binary);
-  if (!in.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(size))) {
-    return Fail(ErrorCode::kBadInput, file.string() + ": cannot be read");
-  }
-  return bytes;
-}
-
 bool IsJpeg(const std::vector<std::uint8_t>& bytes) {
   return bytes.size() > 2 && bytes[0] == 0xFF && bytes[1] == 0xD8;
 }
 
 Result<PictureSize> ReadColorSize(const fs::path& file) {
   auto bytes = ReadFileBytes(file, kMaxPictureFileBytes);
-  if (!bytes) return tl::unexpected(bytes.error());
+  if (!bytes) return Within(file.string(), bytes.error());
   if (IsJpeg(*bytes)) {
     auto header = JpegDecoder().ReadHeader(*bytes);
     if (!header) return Within(file.string(), header.error());
@@ -87,7 +73,7 @@ Result<PictureSize> ReadColorSize(const fs::path& file) {
 
 Status LoadColor(const fs::path& file, JpegDecoder& decoder, YuvImage& image) {
   auto bytes = ReadFileBytes(file, kMaxPictureFileBytes);
-  if (!bytes) return tl::unexpected(bytes.error());
+  if (!bytes) return Within(file.string(), bytes.error());
   if (IsJpeg(*bytes)) {
     if (auto ok = decoder.Decode(*bytes, image); !ok) return Within(file.string(), ok.error());
     return {};
@@ -100,7 +86,7 @@ Status LoadColor(const fs::path& file, JpegDecoder& decoder, YuvImage& image) {
 
 Status LoadDepth16(const fs::path& file, cv::Mat1w& picture) {
   auto bytes = ReadFileBytes(file, kMaxPictureFileBytes);
-  if (!bytes) return tl::unexpected(bytes.error());
+  if (!bytes) return Within(file.string(), bytes.error());
   auto decoded = DecodePng(*bytes, cv::IMREAD_UNCHANGED);
   if (!decoded) return Within(file.string(), decoded.error());
   if (decoded->type() != CV_16UC1) return Fail(ErrorCode::kBadInput, file.string() + ": is not a 16-bit grey PNG");

@@ -8,6 +8,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "proto/base/file_bytes.h"
 #include "proto/base/result.h"
 #include "proto/codec/jpeg.h"
 #include "proto/codec/yuv_image.h"
@@ -21,7 +22,6 @@ struct PictureSize {
 inline constexpr std::uintmax_t kMaxPictureFileBytes = std::uintmax_t{64} << 20;
 
 // All errors name the file.
-Result<std::vector<std::uint8_t>> ReadFileBytes(const std::filesystem::path& file, std::uintmax_t max_bytes);
 [[nodiscard]] bool IsJpeg(const std::vector<std::uint8_t>& bytes);
 
 // JPEG or PNG.

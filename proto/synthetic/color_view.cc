@@ -1,0 +1,415 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "proto/synthetic/color_view.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+namespace mixstage {
+namespace {
+
+constexpr int kMargin_px = 2;
+constexpr float kStep_m = 0.03f;  // a jump in depth that is an outline, also within the body
+
+// What a shadow takes of a pixel's light: below the first it is left out, above the second it counts in full.
+constexpr float kUnseen = 0.008f, kSeen = 0.03f;
+constexpr float kCoarseRange = 0.045f;  // shares that differ more within a tile are computed at every node
+
+// Standard deviation of the noise: gain x 24 / 1024 counts of the 8-bit picture, in the dark and falling with light.
+constexpr int kLumaGain = 66, kLumaSlope = 1, kChromaGain = 34;
+
+}  // namespace
+
+ColorView::ColorView(const Room& room, const RoomLight& light, const Rig& rig, const RigidTransform& T_world_color)
+    : camera_(rig.color), T_world_color_(T_world_color) {
+  RoomPlate plate = RenderRoomPlate(room, light, rig, T_world_color);
+  width_ = plate.width;
+  height_ = plate.height;
+  padded_width_ = plate.padded_width;
+  padded_height_ = plate.padded_height;
+  origin_ = plate.origin.cast<float>();
+  tiles_x_ = padded_width_ / kTile;
+  tiles_y_ = padded_height_ / kTile;
+  const auto tiles = static_cast<std::size_t>(tiles_x_ * tiles_y_);
+  bins_.resize(tiles);
+  shadows_.assign(tiles, TileShadow::kNone);
+  touched_.assign(tiles, 0);
+  touched_before_.assign(tiles, 0);
+  body_z_.resize(tiles * kTile * kTile);
+  buffers_ = std::make_unique<Buffers>();
+  MakeTiles(plate);
+  MakeNodes(plate);
+  MakeStaticPicture();
+}
+
+void ColorView::MakeTiles(const RoomPlate& plate) {
+  tile_data_.resize(static_cast<std::size_t>(tiles_x_ * tiles_y_));
+  for (int v = 0; v < padded_height_; ++v) {
+    for (int u = 0; u < padded_width_; ++u) {
+      TileData& tile = tile_data_[TileIndex(u / kTile, v / kTile)];
+      const int at = v % kTile * kTile + u % kTile;
+      const cv::Mat1f* layers[3] = {plate.window, plate.softbox, plate.rest};
+      for (int c = 0; c < 3; ++c) {
+        for (int k = 0; k < 3; ++k) {
+          const float counts = std::min(layers[k][c](v, u) * kLayerScale + 0.5f, 65535.f);
+          tile.layer[k][c][at] = static_cast<std::uint16_t>(counts);
+        }
+        tile.ray[c][at] = plate.ray[c](v, u);
+      }
+      tile.vignette[at] = plate.vignette(v, u);
+    }
+  }
+}
+
+void ColorView::MakeStaticPicture() {
+  y_.create(padded_height_, padded_width_);
+  cb_.create(padded_height_ / 2, padded_width_ / 2);
+  cr_.create(cb_.size());
+  for (int j = 0; j < tiles_y_; ++j) {
+    for (int i = 0; i < tiles_x_; ++i) {
+      const float* const none[3] = {};
+      ComposeTileAt(i, j, none, none, nullptr);
+    }
+  }
+  static_y_ = y_.clone();
+  static_cb_ = cb_.clone();
+  static_cr_ = cr_.clone();
+}
+
+void ColorView::MakeNodes(RoomPlate& plate) {
+  const int width = plate.node_point[0].cols;
+  const int height = plate.node_point[0].rows;
+  coarse_width_ = (width - 1) / kCoarse + 1;
+  coarse_height_ = (height - 1) / kCoarse + 1;
+  const auto padded = static_cast<std::size_t>((coarse_width_ * coarse_height_ + 15) / 16 * 16);
+  coarse_lost_.assign(padded, 0);
+  for (int c = 0; c < 3; ++c) {
+    node_point_[c] = plate.node_point[c];
+    node_normal_[c] = plate.node_normal[c];
+    coarse_point_[c].assign(padded, 0);
+    coarse_normal_[c].assign(padded, 0);
+    coarse_share_[c].assign(padded, 1);
+    part_of_light_[c].create(height, width);
+    for (int j = 0; j < coarse_height_; ++j) {
+      for (int i = 0; i < coarse_width_; ++i) {
+        const auto at = static_cast<std::size_t>(j * coarse_width_ + i);
+        coarse_point_[c][at] = node_point_[c](j * kCoarse, i * kCoarse);
+        coarse_normal_[c][at] = node_normal_[c](j * kCoarse, i * kCoarse);
+      }
+    }
+  }
+  for (int j = 0; j < height; ++j) {
+    for (int i = 0; i < width; ++i) {
+      const int u = std::min(i * kNodeStep, padded_width_ - 1);
+      const int v = std::min(j * kNodeStep, padded_height_ - 1);
+      const float layers[3] = {plate.window[1](v, u), plate.softbox[1](v, u), plate.rest[1](v, u)};
+      const float sum = layers[0] + layers[1] + layers[2] + 1e-6f;
+      for (int k = 0; k < 3; ++k) part_of_light_[k](j, i) = layers[k] / sum;
+    }
+  }
+}
+
+float ColorView::Fade(int i, int j, float share[3]) const {
+  float lost = 0;
+  for (int k = 0; k < 3; ++k) lost += part_of_light_[k](j, i) * (1 - share[k]);
+  const float counts = std::clamp((lost - kUnseen) * (1 / (kSeen - kUnseen)), 0.f, 1.f);
+  for (int k = 0; k < 3; ++k) share[k] = 1 - counts * (1 - share[k]);
+  return counts * lost;
+}
+
+void ColorView::Render(const Figure* figure, const BodyLight& light, std::uint32_t frame, const NoiseTape& tape,
+                       SensorNoise noise, YuvImage& out) {
+  touched_before_.swap(touched_);
+  std::fill(touched_.begin(), touched_.end(), std::uint8_t{0});
+  if (figure != nullptr) DrawFigure(*figure, light);
+  for (int j = 0; j < tiles_y_; ++j) {
+    for (int i = 0; i < tiles_x_; ++i) {
+      if (touched_before_[TileIndex(i, j)] && !touched_[TileIndex(i, j)]) RestoreTile(i, j);
+    }
+  }
+  out.Create(width_, height_, ChromaLayout::k420);
+  const int luma_gain = noise == SensorNoise::kReal ? kLumaGain : 0;
+  const int luma_slope = noise == SensorNoise::kReal ? kLumaSlope : 0;
+  const int chroma_gain = noise == SensorNoise::kReal ? kChromaGain : 0;
+  auto row_of = [&](const cv::Mat1s& base, int row, std::uint32_t stream, int gain, int slope, cv::Mat1b& plane) {
+    const auto key = static_cast<std::uint32_t>(row) * 3 + stream;
+    AddNoise(base.ptr<std::int16_t>(row), tape.Counts(frame, key), plane.cols, gain, slope, plane.ptr(row));
+  };
+  for (int row = 0; row < out.y.rows; ++row) row_of(y_, row, 0, luma_gain, luma_slope, out.y);
+  for (int row = 0; row < out.cb.rows; ++row) {
+    row_of(cb_, row, 1, chroma_gain, 0, out.cb);
+    row_of(cr_, row, 2, chroma_gain, 0, out.cr);
+  }
+}
+
+void ColorView::DrawFigure(const Figure& figure, const BodyLight& light) {
+  ViewFigure(figure, camera_, T_world_color_, kMargin_px, view_);
+  CastersOf(figure, casters_);
+  BinParts();
+  FindShadows(light);
+  for (int j = 0; j < tiles_y_; ++j) {
+    for (int i = 0; i < tiles_x_; ++i) {
+      const Bin& bin = bins_[TileIndex(i, j)];
+      if (bin.count > 0) RasterBody(view_.parts.data(), bin.parts, bin.count, i * kTile, j * kTile, TileOf(i, j));
+    }
+  }
+  for (int j = 0; j < tiles_y_; ++j) {
+    for (int i = 0; i < tiles_x_; ++i) {
+      const bool body = bins_[TileIndex(i, j)].count > 0;
+      const TileShadow shadow = shadows_[TileIndex(i, j)];
+      if (!body && shadow == TileShadow::kNone) continue;
+      touched_[TileIndex(i, j)] = 1;
+      if (shadow == TileShadow::kFine) FineShares(i, j, light);
+      if (shadow == TileShadow::kCoarse) CoarseShares(i, j);
+      if (body) DrawBody(i, j, light);
+      Buffers& b = *buffers_;
+      const float* const share[3] = {b.share[0], b.share[1], b.share[2]};
+      const float* const color[3] = {b.color[0], b.color[1], b.color[2]};
+      const float* const none[3] = {};
+      ComposeTileAt(i, j, shadow == TileShadow::kNone ? none : share, body ? color : none, body ? b.coverage : nullptr);
+    }
+  }
+}
+
+cv::Mat1f ColorView::LightLeft(const Figure& figure, const BodyLight& light) {
+  CastersOf(figure, casters_);
+  FindShadows(light);
+  cv::Mat1f left(height_, width_, 1.f);
+  for (int v = 0; v < height_; ++v) {
+    for (int u = 0; u < width_; ++u) {
+      const int i = u / kTile;
+      const int j = v / kTile;
+      const TileShadow shadow = shadows_[TileIndex(i, j)];
+      if (shadow == TileShadow::kNone) continue;
+      if (u % kTile == 0) {
+        if (shadow == TileShadow::kFine) FineShares(i, j, light);
+        if (shadow == TileShadow::kCoarse) CoarseShares(i, j);
+      }
+      const int node = v % kTile / kNodeStep * kShareStride + u % kTile / kNodeStep;
+      const TileData& tile = tile_data_[TileIndex(i, j)];
+      constexpr float kLuminance[3] = {0.2126f, 0.7152f, 0.0722f};
+      float before = 1e-6f;
+      float after = 1e-6f;
+      for (int c = 0; c < 3; ++c) {
+        for (int k = 0; k < 3; ++k) {
+          const float layer = tile.layer[k][c][v % kTile * kTile + u % kTile];
+          before += kLuminance[c] * layer;
+          after += kLuminance[c] * layer * buffers_->share[k][node];
+        }
+      }
+      left(v, u) = after / before;
+    }
+  }
+  return left;
+}
+
+void ColorView::BinParts() {
+  for (Bin& bin : bins_) bin.count = 0;
+  for (int k = 0; k < view_.count; ++k) {
+    const PartView& part = view_.parts[static_cast<std::size_t>(k)];
+    if (part.u0 > part.u1) continue;
+    for (int j = part.v0 / kTile; j <= part.v1 / kTile; ++j) {
+      for (int i = part.u0 / kTile; i <= part.u1 / kTile; ++i) {
+        Bin& bin = bins_[TileIndex(i, j)];
+        bin.parts[bin.count++] = static_cast<std::uint8_t>(k);
+      }
+    }
+  }
+}
+
+void ColorView::FindShadows(const BodyLight& light) {
+  PointSpan span{};
+  for (int c = 0; c < 3; ++c) {
+    span.p[c] = coarse_point_[c].data();
+    span.n[c] = coarse_normal_[c].data();
+  }
+  span.count = static_cast<int>(coarse_point_[0].size());
+  span.window = coarse_share_[0].data();
+  span.softbox = coarse_share_[1].data();
+  span.ambient = coarse_share_[2].data();
+  OccludeRoom(light, casters_.casters.data(), casters_.count, span);
+  for (int j = 0; j < coarse_height_; ++j) {
+    for (int i = 0; i < coarse_width_; ++i) {
+      const auto at = static_cast<std::size_t>(j * coarse_width_ + i);
+      float share[3] = {coarse_share_[0][at], coarse_share_[1][at], coarse_share_[2][at]};
+      coarse_lost_[at] = Fade(i * kCoarse, j * kCoarse, share);
+      for (std::size_t k = 0; k < 3; ++k) coarse_share_[k][at] = share[k];
+    }
+  }
+  constexpr int kPerTile = kTile / kNodeStep / kCoarse;
+  for (int j = 0; j < tiles_y_; ++j) {
+    for (int i = 0; i < tiles_x_; ++i) {
+      float low = 1;
+      float high = 0;
+      for (int y = 0; y <= kPerTile; ++y) {
+        for (int x = 0; x <= kPerTile; ++x) {
+          const float lost = coarse_lost_[static_cast<std::size_t>((j * kPerTile + y) * coarse_width_ + i * kPerTile + x)];
+          low = std::min(low, lost);
+          high = std::max(high, lost);
+        }
+      }
+      shadows_[TileIndex(i, j)] = high <= 0                 ? TileShadow::kNone
+                                  : high - low > kCoarseRange ? TileShadow::kFine
+                                                              : TileShadow::kCoarse;
+    }
+  }
+}
+
+void ColorView::FineShares(int i, int j, const BodyLight& light) {
+  Buffers& b = *buffers_;
+  const int x0 = i * kTile / kNodeStep;
+  const int y0 = j * kTile / kNodeStep;
+  for (int c = 0; c < 3; ++c) {
+    for (int y = 0; y < kNodes; ++y) {
+      std::memcpy(b.node_point[c] + y * kNodes, node_point_[c].ptr<float>(y0 + y) + x0, kNodes * sizeof(float));
+      std::memcpy(b.node_normal[c] + y * kNodes, node_normal_[c].ptr<float>(y0 + y) + x0, kNodes * sizeof(float));
+    }
+    std::fill(b.node_point[c] + kNodes * kNodes, b.node_point[c] + kNodesPadded, 0.f);
+    std::fill(b.node_normal[c] + kNodes * kNodes, b.node_normal[c] + kNodesPadded, 0.f);
+  }
+  PointSpan span{};
+  for (int c = 0; c < 3; ++c) {
+    span.p[c] = b.node_point[c];
+    span.n[c] = b.node_normal[c];
+  }
+  span.count = kNodesPadded;
+  span.window = b.node_share[0];
+  span.softbox = b.node_share[1];
+  span.ambient = b.node_share[2];
+  OccludeRoom(light, casters_.casters.data(), casters_.count, span);
+  for (int y = 0; y < kNodes; ++y) {
+    for (int x = 0; x < kNodes; ++x) {
+      const int at = y * kNodes + x;
+      float share[3] = {b.node_share[0][at], b.node_share[1][at], b.node_share[2][at]};
+      Fade(x0 + x, y0 + y, share);
+      for (int k = 0; k < 3; ++k) b.share[k][y * kShareStride + x] = share[k];
+    }
+  }
+}
+
+void ColorView::CoarseShares(int i, int j) {
+  Buffers& b = *buffers_;
+  constexpr int kPerTile = kTile / kNodeStep / kCoarse;
+  for (int k = 0; k < 3; ++k) {
+    auto at = [&](int y, int x) {
+      return coarse_share_[k][static_cast<std::size_t>((j * kPerTile + y) * coarse_width_ + i * kPerTile + x)];
+    };
+    for (int y = 0; y < kNodes; ++y) {
+      const int cy = std::min(y / kCoarse, kPerTile - 1);
+      const float fy = static_cast<float>(y - cy * kCoarse) / kCoarse;
+      for (int x = 0; x < kNodes; ++x) {
+        const int cx = std::min(x / kCoarse, kPerTile - 1);
+        const float fx = static_cast<float>(x - cx * kCoarse) / kCoarse;
+        const float low = at(cy, cx) + fx * (at(cy, cx + 1) - at(cy, cx));
+        const float high = at(cy + 1, cx) + fx * (at(cy + 1, cx + 1) - at(cy + 1, cx));
+        b.share[k][y * kShareStride + x] = low + fy * (high - low);
+      }
+    }
+  }
+}
+
+BodyTile ColorView::TileOf(int i, int j) {
+  const TileData& data = tile_data_[TileIndex(i, j)];
+  BodyTile tile{};
+  for (int c = 0; c < 3; ++c) {
+    tile.ray[c] = data.ray[c];
+    tile.normal[c] = buffers_->normal[c];
+    tile.albedo[c] = buffers_->albedo[c];
+    tile.color[c] = buffers_->color[c];
+  }
+  tile.vignette = data.vignette;
+  tile.z = body_z_.data() + TileIndex(i, j) * kTile * kTile;
+  tile.coverage = buffers_->coverage;
+  return tile;
+}
+
+float ColorView::BodyDepth(int u, int v) const {
+  if (u < 0 || v < 0 || u >= padded_width_ || v >= padded_height_) return kNoDepth;
+  const std::size_t tile = TileIndex(u / kTile, v / kTile);
+  if (bins_[tile].count == 0) return kNoDepth;
+  return body_z_[tile * kTile * kTile + static_cast<std::size_t>(v % kTile * kTile + u % kTile)];
+}
+
+// Which pixels of a tile have a neighbour that is much nearer or farther.
+void ColorView::FindEdges(int i, int j, std::uint8_t* edges) const {
+  constexpr int kSide = kTile + 2;
+  float z[kSide * kSide];
+  const float* own = body_z_.data() + TileIndex(i, j) * kTile * kTile;
+  for (int row = 0; row < kTile; ++row) {
+    std::memcpy(z + (row + 1) * kSide + 1, own + row * kTile, kTile * sizeof(float));
+    z[(row + 1) * kSide] = BodyDepth(i * kTile - 1, j * kTile + row);
+    z[(row + 1) * kSide + kTile + 1] = BodyDepth((i + 1) * kTile, j * kTile + row);
+  }
+  for (int col = 0; col < kTile; ++col) {
+    z[col + 1] = BodyDepth(i * kTile + col, j * kTile - 1);
+    z[(kTile + 1) * kSide + col + 1] = BodyDepth(i * kTile + col, (j + 1) * kTile);
+  }
+  for (int row = 0; row < kTile; ++row) {
+    const float* at = z + (row + 1) * kSide + 1;
+    for (int col = 0; col < kTile; ++col) {
+      const float across = std::max(std::abs(at[col - 1] - at[col]), std::abs(at[col + 1] - at[col]));
+      const float down = std::max(std::abs(at[col - kSide] - at[col]), std::abs(at[col + kSide] - at[col]));
+      edges[row * kTile + col] = std::max(across, down) > kStep_m;
+    }
+  }
+}
+
+void ColorView::DrawBody(int i, int j, const BodyLight& light) {
+  const Bin& bin = bins_[TileIndex(i, j)];
+  BodyTile tile = TileOf(i, j);
+  GatherBody(view_.parts.data(), bin.parts, bin.count, i * kTile, j * kTile, tile);
+  // Supersampling puts mean depths in; edges are found in the sharp ones, so it writes to a copy.
+  std::copy(tile.z, tile.z + kTile * kTile, buffers_->z);
+  tile.z = buffers_->z;
+  std::uint8_t edges[kTile * kTile];
+  FindEdges(i, j, edges);
+  for (int row = 0; row < kTile; ++row) {
+    for (int col = 0; col < kTile; ++col) {
+      if (edges[row * kTile + col] == 0) continue;
+      const int u = i * kTile + col;
+      const int v = j * kTile + row;
+      float ray[3];
+      float ray_u[3];
+      float ray_v[3];
+      const int right = std::min(col + 1, kTile - 1);
+      const int below = std::min(row + 1, kTile - 1);
+      for (int c = 0; c < 3; ++c) {
+        const float* plane = tile.ray[c];
+        ray[c] = plane[row * kTile + col];
+        ray_u[c] = plane[row * kTile + right] - plane[row * kTile + right - 1];
+        ray_v[c] = plane[below * kTile + col] - plane[(below - 1) * kTile + col];
+      }
+      SupersampleBody(view_.parts.data(), bin.parts, bin.count, u, v, row * kTile + col, ray, ray_u, ray_v, tile);
+    }
+  }
+  ShadeBody(light, casters_.casters.data(), casters_.count, origin_, tile);
+}
+
+void ColorView::ComposeTileAt(int i, int j, const float* const share[3], const float* const color[3],
+                              const float* coverage) {
+  const TileData& data = tile_data_[TileIndex(i, j)];
+  ComposeTile tile{};
+  for (int c = 0; c < 3; ++c) {
+    tile.layer[c] = data.layer[c][0];
+    tile.share[c] = share[c];
+    tile.color[c] = color[c];
+  }
+  tile.coverage = coverage;
+  constexpr int kHalf = kTile / 2;
+  tile.y = y_.ptr<std::int16_t>(j * kTile) + i * kTile;
+  tile.cb = cb_.ptr<std::int16_t>(j * kHalf) + i * kHalf;
+  tile.cr = cr_.ptr<std::int16_t>(j * kHalf) + i * kHalf;
+  tile.y_stride = static_cast<std::ptrdiff_t>(y_.step1());
+  tile.chroma_stride = static_cast<std::ptrdiff_t>(cb_.step1());
+  Compose(tile);
+}
+
+void ColorView::RestoreTile(int i, int j) {
+  const cv::Rect luma(i * kTile, j * kTile, kTile, kTile);
+  const cv::Rect chroma(i * kTile / 2, j * kTile / 2, kTile / 2, kTile / 2);
+  static_y_(luma).copyTo(y_(luma));
+  static_cb_(chroma).copyTo(cb_(chroma));
+  static_cr_(chroma).copyTo(cr_(chroma));
+}
+
+}  // namespace mixstage

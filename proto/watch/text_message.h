@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Text messages of the viewer stream (SPEC.md 4.2): structs to JSON and back. Reading checks every field that
+// it takes: type, size and range; a failure is kBadInput and names the field. Fields that a later version
+// adds are skipped. No exception leaves these functions.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "proto/base/result.h"
+#include "proto/watch/picture_message.h"
+
+namespace mixstage {
+
+inline constexpr int kWatchProtocol = 1;
+inline constexpr std::size_t kMaxViewerMessageBytes = 4096;   // viewer to server
+inline constexpr std::size_t kMaxServerMessageBytes = 65536;  // server to viewer: what a viewer reads at most
+
+// ---- server to viewer ----
+struct WatchStreamInfo {
+  WatchStream stream = WatchStream::kColor;
+  std::string codec{};  // WebCodecs string, "avc1.42C01F"
+  int width = 0, height = 0;
+  bool operator==(const WatchStreamInfo&) const = default;
+};
+
+struct WatchHello {
+  std::string name{};  // of the show
+  std::int64_t server_us = 0;
+  std::vector<WatchStreamInfo> streams{};  // empty until a first picture came
+};
+
+struct WatchStage {
+  std::string name{};
+  double budget_ms = 0, wall_ms = 0, cpu_ms = 0;
+};
+
+struct WatchAgent {
+  std::string epoch{};  // 16 hexadecimal digits
+  std::string name{};
+  double age_s = 0;  // since its last message
+  double color_fps = 0, depth_fps = 0;
+  std::uint64_t drops = 0, queue = 0;
+  double encode_ms = 0;
+  std::uint64_t lost = 0;
+};
+
+struct WatchStats {
+  std::int64_t server_us = 0;
+  std::string state{};    // live, learning, no_agent, stalled, no_depth
+  std::string message{};  // the sentence a person reads, empty when live
+  double fps = 0;
+  std::uint64_t frames = 0;
+  int width = 0, height = 0;
+  double latency_p50_ms = 0, latency_p99_ms = 0;  // capture to encoded, last 10 s
+  double bitrate_bps = 0;
+  std::uint64_t viewers = 0;
+  std::map<std::string, std::uint64_t> drops{};  // by reason, since the server's start
+  std::vector<WatchStage> stages{};
+  std::vector<WatchAgent> agents{};
+  double depth_age_s = 0;
+};
+
+struct WatchPong {
+  double viewer_us = 0;  // as sent (whole numbers up to 2^53 exactly)
+  std::int64_t server_us = 0;
+};
+
+// Not finite numbers are written as 0, bytes that are no UTF-8 as U+FFFD: what is written can be read.
+[[nodiscard]] std::string ToJson(const WatchHello& hello);
+[[nodiscard]] std::string ToJson(const WatchStats& stats);
+[[nodiscard]] std::string ToJson(const WatchPong& pong);
+
+using ServerMessage = std::variant<WatchHello, WatchStats, WatchPong>;
+// Also fails on a hello of another protocol, more than kMaxServerMessageBytes and types it does not know.
+Result<ServerMessage> ParseServerMessage(std::string_view text);
+
+// ---- viewer to server ----
+struct WatchPing {
+  double viewer_us = 0;
+};
+struct WatchSubscribe {
+  bool color = false, depth = false;
+};
+struct WatchKeyFrameWish {};
+
+[[nodiscard]] std::string ToJson(const WatchPing& ping);
+[[nodiscard]] std::string ToJson(const WatchSubscribe& subscribe);
+[[nodiscard]] std::string ToJson(const WatchKeyFrameWish& wish);
+
+using ViewerMessage = std::variant<WatchPing, WatchSubscribe, WatchKeyFrameWish>;
+// Fails on more than kMaxViewerMessageBytes, bad JSON, unknown types and streams, missing or mistyped fields.
+Result<ViewerMessage> ParseViewerMessage(std::string_view text);
+
+}  // namespace mixstage

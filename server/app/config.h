@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "proto/base/result.h"
+#include "proto/link/lcm_link.h"
+#include "server/delivery/gateway.h"
+#include "server/delivery/video_encoder.h"
+
+namespace mixstage {
+
+// studio.yaml: the configuration of `run`. deploy/studio.yaml is its documentation: every key with its default.
+// Relative paths are relative to the file.
+struct StudioConfig {
+  std::string name = "studio-1";
+  std::string lcm_url = kDefaultLcmUrl;
+  std::filesystem::path rig;    // rig.json
+  std::filesystem::path scene;  // scene.yaml; empty = no CG
+  std::filesystem::path clean_plate;  // a take of the empty set; empty = learn it live
+  int learn_frames = 30;              // L of piVE eq (1)
+  std::string listen = "127.0.0.1:8080";
+  std::filesystem::path page;  // the built page; empty = the installed one
+  VideoEncoderConfig color;
+  VideoEncoderConfig depth{.format = VideoFormat::kDepth10, .bitrate_bps = 2'000'000};
+};
+
+// Fails (kInvalidConfig) with file, line and key on anything unknown, mistyped or out of range.
+Result<StudioConfig> ParseStudioConfig(const std::string& yaml_text, const std::filesystem::path& file);
+Result<StudioConfig> LoadStudioConfig(const std::filesystem::path& file);
+// The configuration in force, as YAML that LoadStudioConfig reads back.
+std::string ToYaml(const StudioConfig& config);
+
+}  // namespace mixstage

@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <filesystem>
+#include <string>
+
+#include "proto/base/log.h"
+#include "proto/base/version.h"
+#include "proto/geometry/rig.h"
+#include "server/app/config.h"
+#include "server/app/process.h"
+#include "server/app/run.h"
+#include "server/scene/scene_file.h"
+
+namespace mixstage {
+namespace {
+
+// Prints an error in one line; its exit code.
+int Report(const Error& error) {
+  std::fprintf(stderr, "mixstage-server: %s\n", error.message.c_str());
+  return ExitCode(error);
+}
+
+struct RunOptions {
+  std::string config, rig, scene, clean_plate, listen, lcm, page;
+  bool check = false, print = false;
+};
+
+int Run(const RunOptions& o) {
+  StudioConfig config;
+  if (!o.config.empty()) {
+    auto loaded = LoadStudioConfig(o.config);
+    if (!loaded) return Report(loaded.error());
+    config = *loaded;
+  }
+  if (!o.rig.empty()) config.rig = o.rig;
+  if (!o.scene.empty()) config.scene = o.scene;
+  if (!o.clean_plate.empty()) config.clean_plate = o.clean_plate;
+  if (!o.listen.empty()) config.listen = o.listen;
+  if (!o.lcm.empty()) config.lcm_url = o.lcm;
+  if (!o.page.empty()) config.page = o.page;
+  if (o.print) {
+    std::fputs(ToYaml(config).c_str(), stdout);
+    return 0;
+  }
+  if (o.check) {
+    if (auto ok = CheckShow(config); !ok) return Report(ok.error());
+    std::puts("the configuration is good");
+    return 0;
+  }
+  if (auto ok = RunShow(config); !ok) return Report(ok.error());
+  return 0;
+}
+
+struct ProcessFlags {
+  std::string take, rig, clean_plate, scene, poses, out, exports = "composite", frames;
+  double depth_unit_m = 0;
+  bool encode = false, json = false;
+};
+
+// "A:B", ":B", "A:" - colour pictures A up to, not including, B.
+Status ParseFrames(const std::string& text, ProcessOptions& options) {
+  const std::size_t colon = text.find(':');
+  auto number = [](const std::string& digits, int& value) {
+    if (digits.empty()) return true;
+    if (digits.size() > 9 || digits.find_first_not_of("0123456789") != std::string::npos) return false;
+    value = std::stoi(digits);
+    return true;
+  };
+  if (colon == std::string::npos || !number(text.substr(0, colon), options.first_frame) ||
+      !number(text.substr(colon + 1), options.end_frame)) {
+    return Fail(ErrorCode::kInvalidConfig, "--frames " + text + " is not A:B");
+  }
+  return {};
+}
+
+int Process(const ProcessFlags& f) {
+  ProcessOptions options;
+  options.take = f.take;
+  options.out = f.out;
+  auto exports = ParseExports(f.exports);
+  if (!exports) return Report(exports.error());
+  options.exports = *exports;
+  if (!f.rig.empty()) options.rig = f.rig;
+  if (!f.scene.empty()) options.scene = f.scene;
+  if (!f.poses.empty()) options.poses = f.poses;
+  if (f.clean_plate == "none") {
+    options.clean_plate = CleanPlate::kNone;
+  } else if (!f.clean_plate.empty()) {
+    options.clean_plate = CleanPlate::kGiven;
+    options.clean_plate_folder = f.clean_plate;
+  }
+  if (!f.frames.empty()) {
+    if (auto ok = ParseFrames(f.frames, options); !ok) return Report(ok.error());
+  }
+  if (f.depth_unit_m > 0) options.depth_unit_m = f.depth_unit_m;
+  options.encode = f.encode;
+  options.progress = f.json ? Progress::kSilent : Progress::kShow;
+  auto report = RunProcess(options);
+  if (!report) return Report(report.error());
+  if (f.json) std::fputs(report->c_str(), stdout);
+  return 0;
+}
+
+struct CheckFlags {
+  std::string config, rig, scene;
+};
+
+int Check(const CheckFlags& f) {
+  if (f.config.empty() && f.rig.empty() && f.scene.empty()) {
+    return Report({ErrorCode::kInvalidConfig, "check what? Give --config, --rig or --scene"});
+  }
+  if (!f.rig.empty()) {
+    auto rig = LoadRig(f.rig);
+    if (!rig) return Report(rig.error());
+    for (const std::string& warning : rig->warnings) std::printf("%s: warning: %s\n", f.rig.c_str(), warning.c_str());
+    std::printf("%s: good: colour %d x %d px, depth %s, pan-tilt unit %s\n", f.rig.c_str(), rig->rig.color.width,
+                rig->rig.color.height, rig->rig.depth ? "yes" : "no", rig->rig.ptu ? "yes" : "no");
+  }
+  if (!f.scene.empty()) {
+    auto scene = LoadScene(f.scene);
+    if (!scene) return Report(scene.error());
+    for (const std::string& warning : scene->warnings) std::printf("warning: %s\n", warning.c_str());
+    std::printf("%s: good: %zu objects, %zu lights\n", f.scene.c_str(), scene->scene.objects.size(), scene->scene.lights.size());
+  }
+  if (!f.config.empty()) {
+    auto config = LoadStudioConfig(f.config);
+    if (!config) return Report(config.error());
+    // A configuration without a rig is a good one whose rig comes on the command line.
+    if (!config->rig.empty()) {
+      if (auto ok = CheckShow(*config); !ok) return Report(ok.error());
+    }
+    std::printf("%s: good\n", f.config.c_str());
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace mixstage
+
+int main(int argc, char** argv) {
+  using namespace mixstage;
+  CLI::App app{"Cuts the actor out of the room, puts virtual objects between, streams colour and depth."};
+  app.set_version_flag("--version", std::string("mixstage-server ") + kVersion);
+  std::string log_level = "info";
+  app.add_option("--log-level", log_level, "trace, debug, info, warn, error or off")->capture_default_str();
+  app.require_subcommand(1);
+  app.fallthrough();
+
+  RunOptions run;
+  CLI::App* run_command = app.add_subcommand("run", "the live show: listens to agents, serves viewers");
+  run_command->add_option("--config", run.config, "studio.yaml; what follows overrides it");
+  run_command->add_option("--rig", run.rig, "rig.json: the cameras");
+  run_command->add_option("--scene", run.scene, "scene.yaml: virtual objects");
+  run_command->add_option("--clean-plate", run.clean_plate, "capture folder of the empty set (default: learn it live)");
+  run_command->add_option("--listen", run.listen, "ADDRESS:PORT, loopback only (default 127.0.0.1:8080)");
+  run_command->add_option("--lcm", run.lcm, "LCM URL");
+  run_command->add_option("--page", run.page, "folder of the built page");
+  run_command->add_flag("--check-config", run.check, "read and check everything, then end");
+  run_command->add_flag("--print-config", run.print, "print the configuration in force, then end");
+  run_command->footer("Example: mixstage-server run --rig rig.json --scene scene.yaml --listen 127.0.0.1:8080");
+
+  ProcessFlags process;
+  CLI::App* process_command = app.add_subcommand("process", "the same show from a recording, every layer exported");
+  process_command->add_option("--take", process.take, "capture folder (TUM RGB-D layout)")->required();
+  process_command->add_option("--out", process.out, "folder to write to")->required();
+  process_command->add_option("--rig", process.rig, "rig.json (default: the take's, or the one a folder up)");
+  process_command->add_option("--clean-plate", process.clean_plate, "capture folder of the empty set, or none (default: TAKE/clean_plate)");
+  process_command->add_option("--scene", process.scene, "scene.yaml: virtual objects");
+  process_command->add_option("--poses", process.poses, "camera poses, TUM lines of T_world_color");
+  process_command->add_option("--export", process.exports, "list out of composite,depth,alpha,label,cg_alpha,pose,report")->capture_default_str();
+  process_command->add_option("--frames", process.frames, "A:B, colour pictures A up to, not including, B");
+  process_command->add_option("--depth-unit-m", process.depth_unit_m, "metres per count of the depth pictures")->check(CLI::PositiveNumber);
+  process_command->add_flag("--encode", process.encode, "run the delivery encoders too, to measure them");
+  process_command->add_flag("--json", process.json, "print report.json, no progress");
+  process_command->footer("Example: mixstage-server process --take monday --scene scene.yaml --out out --export composite,depth,alpha");
+
+  CheckFlags check;
+  CLI::App* check_command = app.add_subcommand("check", "says whether a file is good, or what is wrong with it");
+  check_command->add_option("--config", check.config, "studio.yaml");
+  check_command->add_option("--rig", check.rig, "rig.json");
+  check_command->add_option("--scene", check.scene, "scene.yaml");
+  check_command->footer("Example: mixstage-server check --rig rig.json");
+
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  }
+  if (auto ok = StartLog("mixstage-server", log_level); !ok) return Report(ok.error());
+  if (run_command->parsed()) return Run(run);
+  if (process_command->parsed()) return Process(process);
+  return Check(check);
+}

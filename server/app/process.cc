@@ -1,0 +1,271 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/app/process.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <opencv2/core/version.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <sstream>
+
+#include "proto/base/clock.h"
+#include "proto/base/log.h"
+#include "proto/base/version.h"
+#include "server/app/learn_take.h"
+#include "server/ingest/take_ingest.h"
+#include "server/pipeline/broadcast.h"
+#include "server/pipeline/frame_stages.h"
+#include "server/scene/scene_file.h"
+
+namespace mixstage {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr std::array<std::pair<std::string_view, Export>, 7> kExportNames = {{{"composite", Export::kComposite},
+                                                                               {"depth", Export::kDepth},
+                                                                               {"alpha", Export::kAlpha},
+                                                                               {"label", Export::kLabel},
+                                                                               {"cg_alpha", Export::kCgAlpha},
+                                                                               {"pose", Export::kPose},
+                                                                               {"report", Export::kReport}}};
+constexpr int kWarmUpFrames = 10;  // not counted in core-ms per frame
+constexpr std::size_t kMaxWarnings = 100;
+
+// Writes one frame's exports. PNG compression is light: the files are many and read by tools.
+class Exporter {
+ public:
+  static Result<Exporter> Create(const fs::path& out, const std::set<Export>& exports) {
+    std::error_code error;
+    fs::create_directories(out, error);
+    for (const auto& [name, kind] : kExportNames) {
+      if (!exports.contains(kind) || kind == Export::kPose || kind == Export::kReport) continue;
+      fs::create_directories(out / name, error);
+    }
+    if (error) return Fail(ErrorCode::kUnavailable, out.string() + ": cannot be made: " + error.message());
+    return Exporter(out, exports);
+  }
+
+  Status Write(const Frame& frame) {
+    const std::string file = frame.captured->stem + ".png";
+    if (exports_.contains(Export::kComposite)) {
+      if (auto ok = Save("composite", file, ToBgr(frame.composite)); !ok) return ok;
+    }
+    if (exports_.contains(Export::kDepth)) {
+      if (auto ok = Save("depth", file, frame.depth_mm); !ok) return ok;
+    }
+    if (exports_.contains(Export::kAlpha)) {
+      if (auto ok = Save("alpha", file, frame.alpha); !ok) return ok;
+    }
+    if (exports_.contains(Export::kLabel)) {
+      if (auto ok = Save("label", file, frame.label); !ok) return ok;
+    }
+    if (exports_.contains(Export::kCgAlpha)) {
+      if (auto ok = Save("cg_alpha", file, frame.cg_alpha); !ok) return ok;
+    }
+    if (exports_.contains(Export::kPose)) poses_ << TumLine(frame.captured->take_t_s, frame.T_world_color) << "\n";
+    return {};
+  }
+  Status Finish(const std::string& report) {
+    if (exports_.contains(Export::kPose)) {
+      if (auto ok = SaveText("pose.txt", "# timestamp tx ty tz qx qy qz qw (T_world_color)\n" + poses_.str()); !ok) return ok;
+    }
+    return SaveText("report.json", report);
+  }
+
+ private:
+  Exporter(fs::path out, std::set<Export> exports) : out_(std::move(out)), exports_(std::move(exports)) {}
+
+  Status Save(const char* folder, const std::string& name, const cv::Mat& picture) const {
+    const fs::path file = out_ / folder / name;
+    bool written = false;
+    try {
+      written = cv::imwrite(file.string(), picture, {cv::IMWRITE_PNG_COMPRESSION, 1});
+    } catch (const cv::Exception&) {
+    }
+    if (!written) return Fail(ErrorCode::kUnavailable, file.string() + ": cannot be written (is the disk full?)");
+    return {};
+  }
+  Status SaveText(const char* name, const std::string& text) const {
+    std::ofstream file(out_ / name);
+    if (!(file << text) || !file.flush()) {
+      return Fail(ErrorCode::kUnavailable, (out_ / name).string() + ": cannot be written (is the disk full?)");
+    }
+    return {};
+  }
+
+  fs::path out_;
+  std::set<Export> exports_;
+  std::ostringstream poses_;
+};
+
+Json ToJson(const Distribution& d) { return {{"p50", d.p50}, {"p95", d.p95}, {"max", d.max}, {"mean", d.mean}}; }
+
+// What the run adds up for report.json.
+struct Totals {
+  int frames = 0;
+  std::int64_t frames_cpu_us = 0, frames_wall_us = 0;  // of the frames after the warm-up
+  int counted = 0;
+  std::int64_t export_cpu_us = 0;
+  std::map<std::string, std::int64_t> drops;
+  std::vector<std::string> warnings;
+};
+
+std::string Report(const Totals& t, const StageTimes& times, const LearntRoom& room) {
+  Json report;
+  report["frames"] = t.frames;
+  Json& stages = report["stages"] = Json::object();
+  const auto summary = times.Summary();
+  for (const StageInfo& stage : AllStages()) {
+    const auto found = summary.find(std::string(stage.name));
+    if (found == summary.end()) continue;
+    stages[found->first] = {{"wall_ms", ToJson(found->second.wall_ms)},
+                            {"cpu_ms", ToJson(found->second.cpu_ms)},
+                            {"budget_ms", stage.budget_ms},
+                            {"source", stage.source}};
+  }
+  Json& total = report["total"];
+  const bool measured = t.counted > 0;
+  total["core_ms_per_frame"] = measured ? Json(static_cast<double>(t.frames_cpu_us) * 1e-3 / t.counted) : Json(nullptr);
+  total["fps"] = measured ? Json(t.counted * 1e6 / static_cast<double>(std::max<std::int64_t>(1, t.frames_wall_us))) : Json(nullptr);
+  total["export_core_ms_per_frame"] = t.frames > 0 ? Json(static_cast<double>(t.export_cpu_us) * 1e-3 / t.frames) : Json(nullptr);
+  report["drops"] = Json(t.drops);
+  report["room"] = room.how;
+  report["warnings"] = Json(t.warnings);
+  report["versions"] = {{"mixstage", kVersion}, {"opencv", CV_VERSION}};
+  return report.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+void ShowProgress(int done, int all) {
+  if (isatty(STDERR_FILENO) == 0) return;
+  std::fprintf(stderr, "\r%d of %d frames", done, all);
+  if (done == all) std::fprintf(stderr, "\n");
+}
+
+Result<LearntRoom> Learn(const ProcessOptions& options, const Take& take, Studio& studio, std::vector<std::string>& warnings) {
+  fs::path plate_folder;
+  if (options.clean_plate == CleanPlate::kGiven) plate_folder = options.clean_plate_folder;
+  if (options.clean_plate == CleanPlate::kDefault && take.clean_plate) plate_folder = *take.clean_plate;
+  if (plate_folder.empty()) return LearnFromTake(take, StudioSetup{}.learn_frames, studio, warnings);
+  auto plate = OpenTake(plate_folder);
+  if (!plate) return tl::unexpected(plate.error());
+  warnings.insert(warnings.end(), plate->warnings.begin(), plate->warnings.end());
+  return LearnFromCleanPlate(*plate, studio, warnings);
+}
+
+}  // namespace
+
+Result<std::set<Export>> ParseExports(const std::string& list) {
+  std::set<Export> exports;
+  std::istringstream names(list);
+  std::string name;
+  while (std::getline(names, name, ',')) {
+    const auto* found = std::find_if(kExportNames.begin(), kExportNames.end(), [&](const auto& e) { return e.first == name; });
+    if (found == kExportNames.end()) {
+      std::string known;
+      for (const auto& e : kExportNames) known += (known.empty() ? "" : ", ") + std::string(e.first);
+      return Fail(ErrorCode::kInvalidConfig, "--export " + name + " is none of " + known);
+    }
+    exports.insert(found->second);
+  }
+  return exports;
+}
+
+Result<std::string> RunProcess(const ProcessOptions& options) {
+  cv::setNumThreads(1);  // one frame after another, the same bytes whatever the machine
+  auto take = OpenTake(options.take);
+  if (!take) return tl::unexpected(take.error());
+  auto rig = RigOfTake(*take, {.rig_file = options.rig, .depth_unit_m = options.depth_unit_m});
+  if (!rig) return tl::unexpected(rig.error());
+  Totals totals;
+  totals.warnings = take->warnings;
+  totals.warnings.insert(totals.warnings.end(), rig->warnings.begin(), rig->warnings.end());
+  StudioSetup setup;
+  setup.rig = rig->rig;
+  if (take->depth.empty() && setup.rig.depth) {
+    setup.rig.depth.reset();
+    totals.warnings.push_back("the take has no depth: the key works by colour alone");
+  }
+  if (options.scene) {
+    auto scene = LoadScene(*options.scene);
+    if (!scene) return tl::unexpected(scene.error());
+    totals.warnings.insert(totals.warnings.end(), scene->warnings.begin(), scene->warnings.end());
+    setup.scene = std::move(scene->scene);
+  }
+  if (options.poses) {
+    auto poses = ReadPoses(*options.poses);
+    if (!poses) return tl::unexpected(poses.error());
+    setup.poses = std::move(*poses);
+  }
+  auto studio = Studio::Create(std::move(setup));
+  if (!studio) return tl::unexpected(studio.error());
+  auto exporter = Exporter::Create(options.out, options.exports);
+  if (!exporter) return tl::unexpected(exporter.error());
+  auto room = Learn(options, *take, *studio, totals.warnings);
+  if (!room) return tl::unexpected(room.error());
+  studio->SetRoom(room->model, room->state);
+  spdlog::info("room state=\"{}\"", room->how);
+  for (const std::string& warning : totals.warnings) spdlog::warn("process {}", warning);
+  std::optional<Broadcast> broadcast;
+  if (options.encode) {
+    auto created = Broadcast::Create({}, studio->rig().color.width, studio->rig().color.height, "process", nullptr);
+    if (!created) return tl::unexpected(created.error());
+    broadcast = std::move(*created);
+  }
+
+  TakeIngest ingest(*take, studio->rig());
+  const int end = options.end_frame < 0 ? ingest.frames() : std::min(options.end_frame, ingest.frames());
+  if (options.first_frame >= end) {
+    return Fail(ErrorCode::kInvalidConfig, "--frames: the take has only " + std::to_string(ingest.frames()) + " frames");
+  }
+  StageTimes times(0);
+  Frame frame;
+  for (int i = options.first_frame; i < end; ++i) {
+    const std::int64_t cpu_us = ProcessCpuMicros();
+    const std::int64_t wall_us = MonotonicMicros();
+    std::string warning;
+    {
+      const StageTimer timer(times, "decode");
+      auto captured = ingest.Load(i, warning);
+      if (captured) {
+        frame.captured = std::move(*captured);
+      } else {
+        warning = captured.error().message;
+        frame.captured = nullptr;
+      }
+    }
+    if (!warning.empty()) {
+      ++totals.drops[frame.captured ? "unreadable_depth" : "unreadable_color"];
+      if (totals.warnings.size() < kMaxWarnings) totals.warnings.push_back(warning);
+      spdlog::warn("process {}", warning);
+    }
+    if (frame.captured) {
+      studio->Run(frame, times);
+      if (broadcast) {
+        if (auto ok = broadcast->Send(frame, times); !ok) return tl::unexpected(ok.error());
+      }
+      ++totals.frames;
+      if (i - options.first_frame >= kWarmUpFrames) {
+        totals.frames_cpu_us += ProcessCpuMicros() - cpu_us;
+        totals.frames_wall_us += MonotonicMicros() - wall_us;
+        ++totals.counted;
+      }
+      const std::int64_t export_cpu_us = ProcessCpuMicros();
+      if (auto ok = exporter->Write(frame); !ok) return tl::unexpected(ok.error());
+      totals.export_cpu_us += ProcessCpuMicros() - export_cpu_us;
+    }
+    if (options.progress == Progress::kShow) ShowProgress(i + 1 - options.first_frame, end - options.first_frame);
+  }
+  if (studio->unusable_depths() > 0) totals.drops["depth_size_not_rig"] = studio->unusable_depths();
+  if (totals.frames == 0) return Fail(ErrorCode::kBadInput, options.take.string() + ": no colour picture could be used");
+  const std::string report = Report(totals, times, *room);
+  if (auto ok = exporter->Finish(report); !ok) return tl::unexpected(ok.error());
+  return report;
+}
+
+}  // namespace mixstage

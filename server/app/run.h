@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "proto/base/result.h"
+#include "server/app/config.h"
+
+namespace mixstage {
+
+// Everything of a configuration but the network: files are read and checked against each other. What `run` does first,
+// and all that --check-config does.
+Status CheckShow(const StudioConfig& config);
+
+// Runs the live show until SIGINT or SIGTERM.
+Status RunShow(const StudioConfig& config);
+
+}  // namespace mixstage

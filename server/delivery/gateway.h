@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// One TCP port for viewers (SPEC.md 4): the page, /healthz, /metrics and the WebSocket /watch. One thread,
+// "serve", owns every connection; other threads hand it pictures and texts and never wait for it.
+//
+// A picture is encoded once and shared by all viewers. A viewer that does not read fast enough is set back to
+// the next key frame, its queue emptied; one that reads nothing for `stall_timeout_s` is closed. Nobody waits
+// for it.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "proto/base/result.h"
+#include "proto/watch/text_message.h"
+#include "server/delivery/watch_picture.h"
+
+namespace mixstage {
+
+struct GatewayConfig {
+  std::string listen = "127.0.0.1:8090";  // loopback only; port 0 = any free one
+  std::filesystem::path page_folder{};    // the built page; empty = none
+  int max_connections = 256;              // all kinds together: 1 .. 10,000
+  int max_viewers = 128;                  // 1 .. max_connections
+  int queued_pictures = 16;               // per viewer, both streams: 2 .. 1,000
+  int queued_bytes = 4 << 20;             // per viewer
+  int send_buffer_bytes = 256 << 10;  // of the socket: modest, so that the queue above sees a stalled viewer
+  double messages_per_s = 20;         // per viewer, text and control frames
+  double message_burst = 40;
+  double request_timeout_s = 10;
+  double stall_timeout_s = 10;
+};
+
+// What has happened since the start (viewers, connections: now).
+struct GatewayCounters {
+  std::uint64_t connections = 0, viewers = 0;
+  std::uint64_t pictures_sent = 0, bytes_sent = 0;  // of pictures, summed over viewers
+  std::uint64_t dropped_viewer_slow = 0;            // pictures that a slow viewer did not get
+  std::uint64_t dropped_publish = 0;  // pictures that `serve` did not come to take (a bug's sign)
+  std::uint64_t closed_slow = 0, closed_message = 0,
+                closed_rate = 0;                       // viewers closed: stalled, bad message, flood
+  std::uint64_t refused_origin = 0, refused_full = 0;  // wrong Origin or Host; limits reached
+};
+
+class Gateway {
+ public:
+  // metrics: text of /metrics, called on `serve`: quick, and safe beside the pipeline's threads. May be
+  // empty.
+  explicit Gateway(GatewayConfig config, std::function<std::string()> metrics = {});
+  ~Gateway();  // stops
+  Gateway(const Gateway&) = delete;
+  Gateway& operator=(const Gateway&) = delete;
+
+  // Reads the page, opens the port and starts `serve`. Once. Fails with kInvalidConfig (a value, or an
+  // address that is not loopback), kBadInput (page folder) or kUnavailable (port in use).
+  Status Start();
+  // Says goodbye to the viewers (close code 1001), closes everything and joins. Idempotent.
+  void Stop();
+  // The port that was opened, after Start().
+  [[nodiscard]] std::uint16_t port() const;
+
+  // ---- Any thread, any time, never blocking ----
+  // Pictures of one stream in the order of encoding, none left out between key frames.
+  void Publish(std::shared_ptr<const WatchPicture> picture);
+  // A `stats` message (ToJson(WatchStats)); its `state` is what /healthz says.
+  void PublishStats(std::string stats_json);
+  // Sent to every viewer who comes, and now to those who are there. server_us is filled in at sending.
+  void SetHello(WatchHello hello);
+  // True when a viewer waits for a key frame, at most twice a second: the next picture of both streams should
+  // be one.
+  [[nodiscard]] bool TakeKeyFrameRequest();
+  // Whether any viewer has subscribed to the stream: if not, encoding can be left out.
+  [[nodiscard]] bool WantsStream(WatchStream stream) const;
+  [[nodiscard]] GatewayCounters counters() const;
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace mixstage

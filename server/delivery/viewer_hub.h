@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The viewers that are connected, what they are all told, and what they ask for. Private to the gateway.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "server/delivery/gateway.h"
+
+namespace mixstage {
+
+class ViewerConnection;
+
+// Counters are written on `serve`, read anywhere.
+struct AtomicCounters {
+  std::atomic<std::uint64_t> connections{0}, viewers{0}, pictures_sent{0}, bytes_sent{0},
+      dropped_viewer_slow{0}, dropped_publish{0}, closed_slow{0}, closed_message{0}, closed_rate{0},
+      refused_origin{0}, refused_full{0};
+};
+
+class ViewerHub {
+ public:
+  explicit ViewerHub(const GatewayConfig& config) : config_(config) {}
+
+  // ---- Only on `serve` ----
+  [[nodiscard]] bool full() const { return viewers_.size() >= static_cast<std::size_t>(config_.max_viewers); }
+  void Join(std::shared_ptr<ViewerConnection> viewer);
+  void Leave(const ViewerConnection* viewer);
+  void Publish(const std::shared_ptr<const WatchPicture>& picture);
+  void PublishStats(std::string stats_json);
+  void SetHello(WatchHello hello);
+  // Pictures were lost before they came here: nobody can decode on before the next key frame.
+  void AfterGap();
+  // Closes who stalls.
+  void CheckProgress(std::int64_t now_us);
+  void CloseAll();
+  // Forgets all viewers, when `serve` has ended.
+  void CloseNow();
+  // A viewer's subscriptions changed.
+  void CountSubscribers();
+  void WishKeyFrame() { key_frame_wished_.store(true, std::memory_order_relaxed); }
+  [[nodiscard]] std::string HelloText() const;
+  [[nodiscard]] const std::string& state() const { return state_; }
+  [[nodiscard]] const GatewayConfig& config() const { return config_; }
+
+  // ---- Any thread ----
+  [[nodiscard]] bool TakeKeyFrameRequest(std::int64_t now_us);
+  [[nodiscard]] bool WantsStream(WatchStream stream) const {
+    return subscribers_[StreamIndex(stream)].load(std::memory_order_relaxed) > 0;
+  }
+  AtomicCounters counters;
+
+ private:
+  const GatewayConfig& config_;
+  std::vector<std::shared_ptr<ViewerConnection>> viewers_;
+  WatchHello hello_;
+  std::string state_;
+  std::array<std::atomic<int>, kWatchStreams> subscribers_{};
+  std::atomic<bool> key_frame_wished_{false};
+  std::atomic<std::int64_t> key_frame_given_us_{0};
+};
+
+}  // namespace mixstage

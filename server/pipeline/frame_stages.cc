@@ -1,0 +1,215 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// One frame, top to bottom; each stage reads what stages above it wrote. The name is also the name in reports, metrics
+// and on the page.
+#include "server/pipeline/frame_stages.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <utility>
+
+namespace mixstage {
+
+// The stages that the frame thread runs. Static members of a friend: the studio's workers are theirs and nobody else's.
+struct FrameStages {
+  static void PlaceCamera(Studio& s, Frame& f);
+  static void WarpDepth(Studio& s, Frame& f);
+  static void LearnRoom(Studio& s, Frame& f);
+  static void KeyActor(Studio& s, Frame& f);
+  static void ShapeActor(Studio& s, Frame& f);
+  static void RenderScene(Studio& s, Frame& f);
+  static void CompositeZ(Studio& s, Frame& f);
+};
+
+namespace {
+
+struct Stage {
+  StageInfo info;
+  void (*run)(Studio&, Frame&);  // null: another thread's own loop runs it
+};
+
+constexpr std::array kStages = {
+    Stage{{"decode", 2.0, "ingest", "JPEG to planes, pairing    MixIn3D 3.1"}, nullptr},
+    Stage{{"place_camera", 0.5, "frame", "T_world_color              MixIn3D 2.3, 2.5"}, &FrameStages::PlaceCamera},
+    Stage{{"warp_depth", 1.0, "frame", "D in the colour camera     MixIn3D 2.2"}, &FrameStages::WarpDepth},
+    Stage{{"learn_room", 0.5, "frame", "D_M, I_m, I_sigma          piVE eq 1-2"}, &FrameStages::LearnRoom},
+    Stage{{"key_actor", 3.0, "frame", "actor, shadow              MixIn3D eq 1, piVE eq 3-8"}, &FrameStages::KeyActor},
+    Stage{{"actor_surface", 2.0, "frame", "the actor's depth          MixIn3D 2.4"}, &FrameStages::ShapeActor},
+    Stage{{"render_scene", 8.0, "frame", "virtual colour, depth      piVE 4"}, &FrameStages::RenderScene},
+    Stage{{"z_key", 6.0, "frame", "composed colour, depth     MixIn3D 3.1, piVE 5"}, &FrameStages::CompositeZ},
+    Stage{{"encode_color", 4.0, "encode", "H.264"}, nullptr},
+    Stage{{"encode_depth", 5.0, "encode", "H.264 High 10, inverse depth"}, nullptr},
+};
+
+constexpr auto kInfos = [] {
+  std::array<StageInfo, kStages.size()> infos;
+  for (std::size_t i = 0; i < infos.size(); ++i) infos[i] = kStages[i].info;
+  return infos;
+}();
+
+// A head at rest does not move because its encoder trembles: CG that swims by a tenth of a pixel is seen.
+constexpr double kRestDeg = 0.05;
+
+}  // namespace
+
+std::span<const StageInfo> AllStages() { return kInfos; }
+
+Studio::Studio(StudioSetup setup)
+    : rig_(std::move(setup.rig)), scene_(std::move(setup.scene)), poses_(std::move(setup.poses)) {}
+
+Result<Studio> Studio::Create(StudioSetup setup) {
+  const int learn_frames = setup.learn_frames;
+  Studio studio(std::move(setup));
+  const Rig& rig = studio.rig_;
+  if (auto ok = rig.color.Validate(); !ok) return Within("rig: cameras.color", ok.error());
+  if (rig.depth) {
+    auto warp = DepthWarp::Create(rig, {});
+    if (!warp) return Within("rig", warp.error());
+    studio.depth_warp_.emplace(std::move(*warp));
+  }
+  if (studio.scene_ && studio.scene_->frame == SceneFrame::kWorld && studio.poses_.empty() && !rig.ptu) {
+    return Fail(ErrorCode::kInvalidConfig,
+                "the scene is in the world's frame, but nothing says where the camera is: give a rig with \"ptu\", or "
+                "--poses, or write the scene with frame: camera");
+  }
+  auto learner = RoomLearner::Create(learn_frames, rig.color.width, rig.color.height);
+  if (!learner) return tl::unexpected(learner.error());
+  studio.learner_.emplace(std::move(*learner));
+  auto key = Key::Create({});
+  if (!key) return tl::unexpected(key.error());
+  studio.key_.emplace(std::move(*key));
+  auto surface = ActorSurface::Create({});
+  if (!surface) return tl::unexpected(surface.error());
+  studio.actor_surface_.emplace(std::move(*surface));
+  if (studio.scene_) {
+    auto renderer = CgRenderer::Create({}, rig.color);
+    if (!renderer) return tl::unexpected(renderer.error());
+    studio.renderer_.emplace(std::move(*renderer));
+    studio.illumination_ = IlluminationOf(*studio.scene_);
+  }
+  return studio;
+}
+
+void Studio::Run(Frame& frame, StageTimes& times) {
+  for (const Stage& stage : kStages) {
+    if (stage.run == nullptr) continue;
+    const StageTimer timer(times, stage.info.name);
+    stage.run(*this, frame);
+  }
+}
+
+void Studio::SetRoom(std::shared_ptr<const BackgroundModel> room, RoomState state) {
+  UseRoom(std::move(room), state);
+  learner_.reset();
+}
+
+void Studio::UseRoom(std::shared_ptr<const BackgroundModel> room, RoomState state) {
+  room_ = std::move(room);
+  room_state_ = state;
+  room_depth_.reset();
+  if (!room_->has_depth()) return;
+  RoomDepth depth;
+  depth.revision = ++room_revision_;
+  // Quarter-size pixels are samples at the centres of 4x4 blocks. Nearest: between a near and a far surface there is
+  // nothing, and an interpolated depth would stand in the air there.
+  const cv::Size size(rig_.color.width, rig_.color.height);
+  const cv::Size blocks(4 * room_->room_depth_m.cols, 4 * room_->room_depth_m.rows);
+  cv::Mat1f full;
+  cv::resize(room_->room_depth_m, full, blocks, 0, 0, cv::INTER_NEAREST);
+  depth.depth_m = full(cv::Rect({0, 0}, size)).clone();
+  cv::resize(room_->sigma_m, full, blocks, 0, 0, cv::INTER_NEAREST);
+  depth.sigma_m = full(cv::Rect({0, 0}, size)).clone();
+  room_depth_ = std::move(depth);
+}
+
+cv::Mat1f Studio::WarpDepth(const CapturedFrame& captured) {
+  if (!depth_warp_ || !captured.depth) return {};
+  if (warped_ == captured.depth) return D_;
+  warped_ = captured.depth;
+  // D of the frame before may still be read: a new picture gets new memory only then.
+  if (D_.u == nullptr || D_.u->refcount > 1) D_ = cv::Mat1f(rig_.color.height, rig_.color.width);
+  if (!depth_warp_->Run(View(captured.depth->counts), View(captured.depth->amplitude), View(D_))) {
+    ++unusable_depths_;
+    D_.release();
+  }
+  return D_;
+}
+
+void FrameStages::PlaceCamera(Studio& s, Frame& f) {
+  // The first that exists: --poses, (tracking,) head angles with rig.ptu, identity.
+  if (!s.poses_.empty()) {
+    const auto after = std::upper_bound(s.poses_.begin(), s.poses_.end(), f.captured->take_t_s,
+                                        [](double t, const PoseSample& p) { return t < p.t_s; });
+    const auto before = after == s.poses_.begin() ? after : after - 1;
+    const bool later_is_nearer = after != s.poses_.end() && after->t_s - f.captured->take_t_s < f.captured->take_t_s - before->t_s;
+    f.T_world_color = (later_is_nearer ? after : before)->T_world_color;
+    return;
+  }
+  if (!s.rig_.ptu) {
+    f.T_world_color = RigidTransform::Identity();
+    return;
+  }
+  const HeadAngles now = f.captured->head.value_or(s.held_angles_.value_or(HeadAngles{}));
+  if (!s.held_angles_ || std::abs(now.pan_deg - s.held_angles_->pan_deg) > kRestDeg ||
+      std::abs(now.tilt_deg - s.held_angles_->tilt_deg) > kRestDeg) {
+    s.held_angles_ = now;
+  }
+  f.T_world_color = s.rig_.ptu->TWorldColor(s.held_angles_->pan_deg, s.held_angles_->tilt_deg);
+}
+
+void FrameStages::WarpDepth(Studio& s, Frame& f) { f.D = s.WarpDepth(*f.captured); }
+
+void FrameStages::LearnRoom(Studio& s, Frame& f) {
+  HalfRgb(f.captured->color, &s.half_);
+  if (!s.learner_) return;
+  const bool new_depth = f.captured->depth != s.learnt_depth_;
+  s.learnt_depth_ = f.captured->depth;
+  const cv::Mat1f none;
+  auto room = s.learner_->Observe(s.half_, View(std::as_const(new_depth ? f.D : none)), f.captured->capture_us);
+  if (room) s.UseRoom(std::move(room), s.learner_->state());
+  if (s.room_state_ == RoomState::kKnown) s.learner_.reset();
+}
+
+void FrameStages::KeyActor(Studio& s, Frame& f) {
+  f.keyed = s.room_ != nullptr;
+  const cv::Size size(f.captured->color.width(), f.captured->color.height());
+  f.label.create(size);
+  f.alpha.create(size);
+  if (!f.keyed) {
+    f.label.setTo(kLabelUnknown);
+    f.alpha.setTo(0);
+    return;
+  }
+  const double age_s = f.captured->depth ? static_cast<double>(f.captured->capture_us - f.captured->depth->capture_us) * 1e-6 : 0;
+  s.key_->Run(*s.room_, s.half_, View(std::as_const(f.D)), static_cast<float>(std::max(0.0, age_s)), View(f.label), View(f.alpha));
+}
+
+void FrameStages::ShapeActor(Studio& s, Frame& f) {
+  if (!f.keyed) {
+    f.actor_depth_m = cv::Mat1f::zeros(Half(f.alpha.rows), Half(f.alpha.cols));
+    return;
+  }
+  s.actor_surface_->Run(s.key_->half_mask(), View(std::as_const(f.D)), *s.room_);
+  f.actor_depth_m = s.actor_surface_->depth_m();
+}
+
+void FrameStages::RenderScene(Studio& s, Frame& f) {
+  f.cg = nullptr;
+  if (!s.scene_) return;
+  const RigidTransform T_camera_scene =
+      s.scene_->frame == SceneFrame::kWorld ? f.T_world_color.inverse() : RigidTransform::Identity();
+  f.cg = &s.renderer_->Run(*s.scene_, T_camera_scene, s.illumination_);
+}
+
+void FrameStages::CompositeZ(Studio& s, Frame& f) {
+  s.z_key_.Run({.color = &f.captured->color,
+                .alpha = View(std::as_const(f.alpha)),
+                .actor_depth_m = View(std::as_const(f.actor_depth_m)),
+                .room = s.room_depth_ ? &*s.room_depth_ : nullptr,
+                .cg = f.cg},
+               f.composite, f.depth_mm, f.cg_alpha);
+}
+
+}  // namespace mixstage

@@ -1,0 +1,197 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/pipeline/live_show.h"
+
+#include <pthread.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+
+#include "proto/base/clock.h"
+#include "proto/base/log.h"
+#include "server/pipeline/frame_stages.h"
+
+namespace mixstage {
+namespace {
+
+constexpr int kHandleMs = 50;
+constexpr std::int64_t kStatsWindowUs = 10'000'000;
+constexpr std::int64_t kRateWindowUs = 2'000'000;  // of fps and bitrate
+constexpr auto kStatsPeriod = std::chrono::milliseconds(500);
+constexpr std::int64_t kSilentUs = 3'000'000;   // an agent not heard for this long is gone
+constexpr std::int64_t kStalledUs = 2'000'000;  // no colour for this long: say so
+constexpr std::size_t kStageWindow = 300;       // frames behind the page's stage times
+
+void NameThread(const char* name) { pthread_setname_np(pthread_self(), name); }
+
+std::string Sentence(const char* format, double value) {
+  char text[160];
+  std::snprintf(text, sizeof text, format, value);
+  return text;
+}
+
+}  // namespace
+
+LiveShow::LiveShow(std::string name, std::unique_ptr<LcmLink> link, Studio studio, Broadcast broadcast, Gateway& gateway)
+    : name_(std::move(name)),
+      link_(std::move(link)),
+      studio_(std::move(studio)),
+      broadcast_(std::move(broadcast)),
+      gateway_(gateway),
+      ingest_(studio_.rig(), captured_),
+      times_(kStageWindow) {
+  encode_thread_ = std::jthread([this] { RunEncode(); });
+  frame_thread_ = std::jthread([this] { RunFrames(); });
+  ingest_thread_ = std::jthread([this](const std::stop_token& stop) { RunIngest(stop); });
+  stats_thread_ = std::jthread([this](const std::stop_token& stop) { RunStats(stop); });
+}
+
+LiveShow::~LiveShow() {
+  ingest_thread_.request_stop();
+  stats_thread_.request_stop();
+  captured_.Close();
+  finished_.Close();
+  for (std::jthread* thread : {&ingest_thread_, &frame_thread_, &encode_thread_, &stats_thread_}) thread->join();
+}
+
+void LiveShow::RunIngest(const std::stop_token& stop) {
+  NameThread("ingest");
+  link_->Subscribe({
+      .on_slice = [this](const mixstage_lcm::frame_slice_t& s) { ingest_.OnSlice(s, MonotonicMicros()); },
+      .on_head = [this](const mixstage_lcm::head_angles_t& a) { ingest_.OnHead(a, MonotonicMicros()); },
+      .on_health = [this](const mixstage_lcm::agent_health_t& h) { ingest_.OnHealth(h, MonotonicMicros()); },
+  });
+  while (!stop.stop_requested()) link_->HandleFor(kHandleMs);
+}
+
+void LiveShow::RunFrames() {
+  NameThread("frame");
+  FramePool pool;
+  while (auto captured = captured_.Take()) {
+    std::shared_ptr<Frame> frame = pool.Take();
+    frame->captured = std::move(*captured);
+    studio_.Run(*frame, times_);
+    {
+      const std::lock_guard lock(mutex_);
+      room_state_ = studio_.room_state();
+    }
+    if (finished_.Put(std::move(frame))) CountDrop("late");
+  }
+}
+
+void LiveShow::RunEncode() {
+  NameThread("encode");
+  std::int64_t bytes_before = 0;
+  while (auto frame = finished_.Take()) {
+    if (auto ok = broadcast_.Send(**frame, times_); !ok) {
+      CountDrop("encoder");
+      const std::lock_guard lock(mutex_);
+      if (failure_.empty()) spdlog::error("encode reason=\"{}\"", ok.error().message);
+      failure_ = ok.error().message;
+      continue;
+    }
+    const std::int64_t bytes = broadcast_.bytes_sent();
+    const std::lock_guard lock(mutex_);
+    ++frames_;
+    shown_.push_back({(*frame)->encoded_us, (*frame)->encoded_us - (*frame)->captured->capture_us, bytes - bytes_before});
+    bytes_before = bytes_ = bytes;
+    while (shown_.front().encoded_us < (*frame)->encoded_us - kStatsWindowUs) shown_.pop_front();
+  }
+}
+
+void LiveShow::RunStats(const std::stop_token& stop) {
+  NameThread("stats");
+  while (!stop.stop_requested()) {
+    std::this_thread::sleep_for(kStatsPeriod);
+    gateway_.PublishStats(ToJson(Stats()));
+  }
+}
+
+void LiveShow::CountDrop(const char* reason) {
+  const std::lock_guard lock(mutex_);
+  ++drops_[reason];
+}
+
+std::string LiveShow::failure() const {
+  const std::lock_guard lock(mutex_);
+  return failure_;
+}
+
+WatchStats LiveShow::Stats() const {
+  const std::int64_t now_us = MonotonicMicros();
+  const IngestStatus in = ingest_.Status();
+  WatchStats stats;
+  stats.server_us = now_us;
+  stats.width = studio_.rig().color.width;
+  stats.height = studio_.rig().color.height;
+  stats.viewers = gateway_.counters().viewers;
+  stats.depth_age_s = in.last_depth_us > 0 ? static_cast<double>(now_us - in.last_depth_us) * 1e-6 : 0;
+  for (const auto& [reason, count] : in.drops) stats.drops[reason] += static_cast<std::uint64_t>(count);
+  RoomState room_state{};
+  {
+    const std::lock_guard lock(mutex_);
+    room_state = room_state_;
+    stats.frames = static_cast<std::uint64_t>(frames_);
+    for (const auto& [reason, count] : drops_) stats.drops[reason] += static_cast<std::uint64_t>(count);
+    std::vector<float> latency_ms;
+    std::int64_t recent = 0;
+    std::int64_t recent_bytes = 0;
+    for (const Shown& s : shown_) {
+      if (s.encoded_us < now_us - kStatsWindowUs) continue;
+      latency_ms.push_back(static_cast<float>(s.latency_us) * 1e-3f);
+      if (s.encoded_us < now_us - kRateWindowUs) continue;
+      ++recent;
+      recent_bytes += s.bytes;
+    }
+    stats.fps = static_cast<double>(recent) * 1e6 / kRateWindowUs;
+    stats.bitrate_bps = static_cast<double>(recent_bytes) * 8e6 / kRateWindowUs;
+    const Distribution latency = DistributionOf(std::move(latency_ms));
+    stats.latency_p50_ms = latency.p50;
+    stats.latency_p99_ms = latency.p99;
+  }
+  const std::uint64_t slow = gateway_.counters().dropped_viewer_slow;
+  if (slow > 0) stats.drops["viewer_slow"] = slow;
+
+  const auto measured = times_.Summary();
+  for (const StageInfo& stage : AllStages()) {
+    const auto found = measured.find(std::string(stage.name));
+    if (stage.name == "decode") {
+      stats.stages.push_back({"decode", stage.budget_ms, in.decode_wall_ms, in.decode_cpu_ms});
+    } else if (found != measured.end()) {
+      stats.stages.push_back({found->first, stage.budget_ms, found->second.wall_ms.mean, found->second.cpu_ms.mean});
+    }
+  }
+  bool agent_lives = false;
+  for (const AgentStatus& a : in.agents) {
+    const double age_s = static_cast<double>(now_us - a.last_heard_us) * 1e-6;
+    if (now_us - a.last_heard_us > 10 * kSilentUs) continue;
+    agent_lives = agent_lives || now_us - a.last_heard_us < kSilentUs;
+    char epoch[17];
+    std::snprintf(epoch, sizeof epoch, "%016llx", static_cast<unsigned long long>(a.epoch));
+    stats.agents.push_back({epoch, a.name, age_s, a.color_fps, a.depth_fps, static_cast<std::uint64_t>(std::max<std::int64_t>(0, a.dropped)),
+                            static_cast<std::uint64_t>(std::max<std::int64_t>(0, a.queue)), a.encode_ms,
+                            static_cast<std::uint64_t>(a.lost)});
+  }
+  const double color_age_s = static_cast<double>(now_us - in.last_color_us) * 1e-6;
+  if (!agent_lives) {
+    stats.state = "no_agent";
+    stats.message = "No agent is publishing. Start mixstage-agent on the rig's machine.";
+  } else if (in.last_color_us == 0 || now_us - in.last_color_us > kStalledUs) {
+    stats.state = "stalled";
+    stats.message = in.last_color_us == 0
+                        ? "The agent lives, but no colour picture has come. Is its size the rig's?"
+                        : Sentence("Colour stopped %.0f s ago: the last picture stands. Look at the camera.", color_age_s);
+  } else if (room_state == RoomState::kLearning) {
+    stats.state = "learning";
+    stats.message = "Learning the empty set. Keep out of the picture for a second.";
+  } else if (studio_.rig().depth && (in.last_depth_us == 0 || stats.depth_age_s > 1.0)) {
+    stats.state = "no_depth";
+    stats.message = in.last_depth_us == 0 ? "No depth has come: the key works by colour alone."
+                                          : Sentence("Depth stopped %.0f s ago: the key works by colour alone.", stats.depth_age_s);
+  } else {
+    stats.state = "live";
+  }
+  return stats;
+}
+
+}  // namespace mixstage

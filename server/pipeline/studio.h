@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "proto/geometry/rig.h"
+#include "proto/take/take.h"
+#include "server/composite/z_key.h"
+#include "server/depth/depth_warp.h"
+#include "server/pipeline/frame.h"
+#include "server/pipeline/room_learner.h"
+#include "server/pipeline/stage_times.h"
+#include "server/render/cg_renderer.h"
+#include "server/scene/scene.h"
+#include "server/segmentation/actor_surface.h"
+#include "server/segmentation/key.h"
+
+namespace mixstage {
+
+struct StudioSetup {
+  Rig rig;
+  std::optional<Scene> scene;
+  std::vector<PoseSample> poses;  // --poses: T_world_color by the take's time; empty = none
+  int learn_frames = 30;          // L of piVE eq (1)
+};
+
+// What the frame stages share from one frame to the next: each stage's own worker with its buffers. Owned by the
+// thread that runs the frame stages (`frame` live; the only one in `process`).
+class Studio {
+ public:
+  // Fails (kInvalidConfig, kBadInput) when rig and scene do not go together; says what to change.
+  static Result<Studio> Create(StudioSetup setup);
+
+  // Runs every frame stage, in the order of the table in frame_stages.cc.
+  void Run(Frame& frame, StageTimes& times);
+
+  // Fixes the empty set for good; without it the studio learns it from the frames it sees.
+  void SetRoom(std::shared_ptr<const BackgroundModel> room, RoomState state);
+  // D of a captured frame: for learning from a clean plate. Empty when the frame has no usable depth.
+  cv::Mat1f WarpDepth(const CapturedFrame& captured);
+
+  [[nodiscard]] const Rig& rig() const { return rig_; }
+  [[nodiscard]] RoomState room_state() const { return room_state_; }
+  // Depth pictures that could not be warped (their size is not the rig's).
+  [[nodiscard]] std::int64_t unusable_depths() const { return unusable_depths_; }
+
+ private:
+  friend struct FrameStages;
+  explicit Studio(StudioSetup setup);
+  void UseRoom(std::shared_ptr<const BackgroundModel> room, RoomState state);
+
+  Rig rig_;
+  std::optional<Scene> scene_;
+  std::vector<PoseSample> poses_;
+
+  // pose
+  std::optional<HeadAngles> held_angles_;
+  // warp_depth: depth comes at less than half the rate of colour, D is kept while its picture is the newest
+  std::optional<DepthWarp> depth_warp_;
+  std::shared_ptr<const DepthPicture> warped_;
+  cv::Mat1f D_;
+  std::int64_t unusable_depths_ = 0;
+  // learn_room, key_actor, actor_surface
+  HalfPicture half_;
+  std::optional<RoomLearner> learner_;
+  std::shared_ptr<const DepthPicture> learnt_depth_;
+  std::shared_ptr<const BackgroundModel> room_;
+  RoomState room_state_ = RoomState::kLearning;
+  std::optional<RoomDepth> room_depth_;
+  std::uint64_t room_revision_ = 0;
+  std::optional<Key> key_;
+  std::optional<ActorSurface> actor_surface_;
+  // render_scene, z_key
+  std::optional<CgRenderer> renderer_;
+  Illumination illumination_;
+  ZKey z_key_;
+};
+
+}  // namespace mixstage

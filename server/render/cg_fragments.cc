@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/render/cg_fragments.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "server/render/interpolate.h"
+
+namespace mixstage {
+namespace {
+
+constexpr float kDielectric = 0.04f;  // what glass, paint or skin mirror head-on
+
+// Finds a triangle's object; the same as last time more often than not.
+class ObjectFinder {
+ public:
+  explicit ObjectFinder(const CameraScene& scene) : scene_(scene) {}
+  const CameraObject& Find(std::int32_t triangle) {
+    const auto id = static_cast<std::size_t>(triangle);
+    if (object_ == nullptr || id < object_->first_triangle || id >= last_) {
+      object_ = &scene_.ObjectOf(id);
+      last_ = object_->first_triangle + object_->mesh->triangles.size();
+    }
+    return *object_;
+  }
+
+ private:
+  const CameraScene& scene_;
+  const CameraObject* object_ = nullptr;
+  std::size_t last_ = 0;  // one past the object's triangles
+};
+
+// Two triangles in one pixel are one surface when light falls on them alike: same material, normals within
+// about 18 degrees.
+bool SameSurface(const PreparedMesh::Triangle& a, const PreparedMesh::Triangle& b) {
+  constexpr float kCosine = 0.95f;
+  return a.material == b.material && a.normal.dot(b.normal) > kCosine;
+}
+
+// Blinn-Phong's exponent for a roughness: 2 / roughness^4 - 2, kept where four samples a pixel can show it.
+float Shininess(float roughness) {
+  const float alpha = roughness * roughness;
+  return std::clamp(2.0f / std::max(alpha * alpha, 1e-4f) - 2.0f, 1.0f, 256.0f);
+}
+
+}  // namespace
+
+void FragmentShader::ShadeRow(const FragmentSource& source, int v, CgLayer& layer) {
+  const int row = v - layer.bounds.y;
+  layer.color.row(row).setTo(0);
+  layer.depth_m.row(row).setTo(0);
+  layer.object_id.row(row).setTo(0);
+  Collect(source, v, layer);
+  if (fragments_.empty()) return;
+  Fetch(source.scene);
+  const std::size_t count = fragments_.size();
+  Interpolate(source.pixel_rad, count, rows_);
+  ShadeLights(source.light, count, rows_);
+  SampleTextures(textures_, rows_, texture_rgba_.data());
+  Resolve(row, layer);
+}
+
+void FragmentShader::Collect(const FragmentSource& source, int v, const CgLayer& layer) {
+  fragments_.clear();
+  const int grid_y = kSampleScale * (v - source.region_px.y);
+  const int grid_x = kSampleScale * (layer.bounds.x - source.region_px.x);
+  const std::int32_t* above = source.samples.triangle.ptr<std::int32_t>(grid_y) + grid_x;
+  const std::int32_t* below = source.samples.triangle.ptr<std::int32_t>(grid_y + 1) + grid_x;
+  const auto* rays = source.rays.ptr<cv::Vec2f>(v) + layer.bounds.x;
+  for (int column = 0; column < layer.bounds.width; ++column, above += kSampleScale, below += kSampleScale) {
+    const std::int32_t ids[4] = {above[0], above[1], below[0], below[1]};
+    if ((ids[0] & ids[1] & ids[2] & ids[3]) == -1) continue;  // all are -1: nothing
+    const cv::Vec2f& ray = rays[column];
+    if (ids[0] == ids[1] && ids[0] == ids[2] && ids[0] == ids[3]) {
+      fragments_.push_back({ids[0], column, ray[0], ray[1], 1.0f});
+    } else {
+      CollectMixed(source.scene, ids, ray, source.pixel_rad, column);
+    }
+  }
+}
+
+// Samples of different triangles: those of one surface become one fragment.
+void FragmentShader::CollectMixed(const CameraScene& scene, const std::int32_t (&ids)[4],
+                                  const cv::Vec2f& ray, float pixel_rad, int column) {
+  constexpr float kOffset[4][2] = {{-0.25f, -0.25f}, {0.25f, -0.25f}, {-0.25f, 0.25f}, {0.25f, 0.25f}};
+  ObjectFinder finder(scene);
+  const CameraObject* objects[4] = {};
+  const PreparedMesh::Triangle* triangles[4] = {};
+  for (int i = 0; i < 4; ++i) {
+    if (ids[i] < 0) continue;
+    objects[i] = &finder.Find(ids[i]);
+    triangles[i] =
+        &objects[i]->mesh->triangles[static_cast<std::size_t>(ids[i]) - objects[i]->first_triangle];
+  }
+  bool taken[4] = {};
+  for (int first = 0; first < 4; ++first) {
+    if (ids[first] < 0 || taken[first]) continue;
+    float x = 0;
+    float y = 0;
+    int count = 0;
+    for (int i = first; i < 4; ++i) {
+      if (ids[i] < 0 || taken[i]) continue;
+      const bool same = ids[i] == ids[first] ||
+                        (objects[i] == objects[first] && SameSurface(*triangles[i], *triangles[first]));
+      if (!same) continue;
+      taken[i] = true;
+      x += kOffset[i][0];
+      y += kOffset[i][1];
+      ++count;
+    }
+    const float scale = pixel_rad / static_cast<float>(count);
+    fragments_.push_back(
+        {ids[first], column, ray[0] + scale * x, ray[1] + scale * y, 0.25f * static_cast<float>(count)});
+  }
+}
+
+// Brings together, in rows, what the kernels read.
+void FragmentShader::Fetch(const CameraScene& scene) {
+  const std::size_t count = fragments_.size();
+  if (count > rows_.capacity()) {
+    rows_.Resize(count);
+    texture_rgba_.resize(4 * rows_.capacity());
+    looks_.reserve(rows_.capacity());
+    textures_.reserve(rows_.capacity());
+  }
+  looks_.resize(count);
+  textures_.resize(count);
+  using enum FragmentRows::Row;
+  float* corners[6];
+  for (std::size_t block = 0; block < 6; ++block) corners[block] = rows_.corner(block);
+  float* ray_x = rows_.row(kRayX);
+  float* ray_y = rows_.row(kRayY);
+  float* front = rows_.row(kFront);
+  float* width = rows_.row(kTextureWidth);
+  float* height = rows_.row(kTextureHeight);
+  float* shininess = rows_.row(kShininess);
+  ObjectFinder finder(scene);
+  const Material* material = nullptr;
+  float material_shininess = 1;
+  for (std::size_t i = 0; i < count; ++i) {
+    const Fragment& fragment = fragments_[i];
+    const CameraObject& object = finder.Find(fragment.triangle);
+    const PreparedMesh& prepared = *object.mesh;
+    const std::size_t t = static_cast<std::size_t>(fragment.triangle) - object.first_triangle;
+    const std::uint32_t* corner = &prepared.indices[3 * t];
+    const CameraVertex* vertices = scene.vertices().data() + object.first_vertex;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const CameraVertex& vertex = vertices[corner[k]];
+      Eigen::Map<Eigen::Array4f>(corners[k] + 4 * i) = vertex.position_u;
+      Eigen::Map<Eigen::Array4f>(corners[k + 3] + 4 * i) = vertex.normal_v;
+    }
+    const Material* its_material = &prepared.mesh->materials[prepared.triangles[t].material];
+    if (its_material != material) {
+      material = its_material;
+      material_shininess = Shininess(material->roughness);
+    }
+    const bool textured = material->texture >= 0 && !prepared.mesh->uvs.empty();
+    textures_[i] = textured ? &prepared.textures[static_cast<std::size_t>(material->texture)] : nullptr;
+    width[i] = textured ? static_cast<float>(textures_[i]->levels()[0].width) : 0.0f;
+    height[i] = textured ? static_cast<float>(textures_[i]->levels()[0].height) : 0.0f;
+    looks_[i] = {prepared.mesh.get(), material, corner, object.index};
+    ray_x[i] = fragment.ray_x;
+    ray_y[i] = fragment.ray_y;
+    front[i] = object.mirrored ? -1.0f : 1.0f;
+    shininess[i] = material_shininess;
+  }
+}
+
+void FragmentShader::Resolve(int row, CgLayer& layer) const {
+  using enum FragmentRows::Row;
+  auto* color_row = layer.color.ptr<cv::Vec4f>(row);
+  float* depth_row = layer.depth_m.ptr<float>(row);
+  std::uint8_t* id_row = layer.object_id.ptr<std::uint8_t>(row);
+  const float* diffuse[3] = {rows_.row(kDiffuseR), rows_.row(kDiffuseG), rows_.row(kDiffuseB)};
+  const float* specular[3] = {rows_.row(kSpecularR), rows_.row(kSpecularG), rows_.row(kSpecularB)};
+  const float* z = rows_.row(kZ);
+  for (std::size_t i = 0; i < fragments_.size(); ++i) {
+    const Fragment& fragment = fragments_[i];
+    const Look& look = looks_[i];
+    const Material& material = *look.material;
+    Eigen::Array4f base = Eigen::Map<const Eigen::Array4f>(&texture_rgba_[4 * i]);
+    base *= Eigen::Array4f(material.base_color.x(), material.base_color.y(), material.base_color.z(),
+                           material.base_alpha);
+    if (!look.mesh->colors.empty()) {
+      const std::vector<Eigen::Vector3f>& colors = look.mesh->colors;
+      const float b = rows_.row(kWeight1)[i];
+      const float c = rows_.row(kWeight2)[i];
+      base.head<3>() *=
+          ((1 - b - c) * colors[look.corners[0]] + b * colors[look.corners[1]] + c * colors[look.corners[2]])
+              .array();
+    }
+    float coverage = fragment.weight;
+    // The cut-off is a ramp of a few grey levels, so that the edge inside a pixel is soft.
+    if (material.alpha_mask)
+      coverage *= std::clamp(0.5f + 4.0f * (base[3] - material.alpha_cutoff), 0.0f, 1.0f);
+    if (!(coverage > 0)) continue;
+    const Eigen::Array4f lit(diffuse[0][i], diffuse[1][i], diffuse[2][i], 1.0f);
+    const Eigen::Array4f mirrored(specular[0][i], specular[1][i], specular[2][i], 0.0f);
+    Eigen::Array4f color = (1.0f - material.metallic) * base * lit +
+                           (kDielectric + material.metallic * (base - kDielectric)) * mirrored;
+    color[3] = 1.0f;
+    Eigen::Map<Eigen::Array4f> out(color_row[fragment.column].val);
+    out += coverage * color;
+    float& nearest = depth_row[fragment.column];
+    if (nearest == 0 || z[i] < nearest) {
+      nearest = z[i];
+      id_row[fragment.column] = static_cast<std::uint8_t>(std::min(look.object_index + 1, 255));
+    }
+  }
+}
+
+}  // namespace mixstage

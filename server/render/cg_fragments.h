@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The second half of a redraw: one row of picture pixels after another, the visibility buffer's samples
+// become fragments (one a pixel and surface), fragments are shaded, and a pixel is the mean of its samples in
+// linear light.
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "server/render/cg_objects.h"
+#include "server/render/cg_renderer.h"
+#include "server/render/fragment_rows.h"
+#include "server/render/shade_lights.h"
+
+namespace mixstage {
+
+// What the rows are made from; borrowed for the redraw.
+struct FragmentSource {
+  const CameraScene& scene;
+  const CameraIllumination& light;
+  const VisibilityBuffer& samples;  // kSampleScale a pixel
+  cv::Rect region_px;               // picture pixels that samples stands for
+  const cv::Mat2f& rays;            // [picture h x w] (x/z, y/z) of the pixel centres (UnprojectionTable)
+  float pixel_rad = 0;              // width of a pixel as an angle, at the picture's centre
+};
+
+class FragmentShader {
+ public:
+  // Writes row v (picture pixels) of the layer, which covers layer.bounds.
+  void ShadeRow(const FragmentSource& source, int v, CgLayer& layer);
+
+ private:
+  struct Fragment {
+    std::int32_t triangle = 0;   // of its first sample
+    std::int32_t column = 0;     // in the layer
+    float ray_x = 0, ray_y = 0;  // where it is shaded: the middle of its samples
+    float weight = 0;            // share of the pixel's samples
+  };
+  // What the kernels do not need, but the pixel does.
+  struct Look {
+    const Mesh* mesh = nullptr;
+    const Material* material = nullptr;
+    const std::uint32_t* corners = nullptr;
+    int object_index = 0;
+  };
+
+  void Collect(const FragmentSource& source, int v, const CgLayer& layer);
+  void CollectMixed(const CameraScene& scene, const std::int32_t (&ids)[4], const cv::Vec2f& ray,
+                    float pixel_rad, int column);
+  void Fetch(const CameraScene& scene);
+  void Resolve(int row, CgLayer& layer) const;
+
+  std::vector<Fragment> fragments_;
+  std::vector<Look> looks_;
+  std::vector<const TextureMips*> textures_;
+  FragmentRows rows_;
+  std::vector<float> texture_rgba_;
+};
+
+}  // namespace mixstage

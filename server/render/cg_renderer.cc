@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/render/cg_renderer.h"
+
+#include <algorithm>
+#include <chrono>
+#include <vector>
+
+#include "server/raster/rasteriser.h"
+#include "server/render/cg_fragments.h"
+#include "server/render/cg_objects.h"
+
+namespace mixstage {
+namespace {
+
+double MillisecondsSince(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+}
+
+// Everything that the layer depends on. The meshes are held, so that a new one never has an old one's
+// address.
+struct Drawn {
+  std::uint64_t revision = 0;
+  RigidTransform T_camera_scene = RigidTransform::Identity();
+  Illumination light;
+  std::vector<std::shared_ptr<const Mesh>> meshes;
+  std::vector<Eigen::Matrix4d> poses;
+
+  [[nodiscard]] bool Is(const Scene& scene, const RigidTransform& T, const Illumination& now) const {
+    if (revision != scene.revision || T_camera_scene.matrix() != T.matrix() || !SameLight(light, now))
+      return false;
+    if (meshes.size() != scene.objects.size()) return false;
+    for (std::size_t i = 0; i < meshes.size(); ++i) {
+      if (meshes[i] != scene.objects[i].mesh || poses[i] != scene.objects[i].T_scene_object.matrix())
+        return false;
+    }
+    return true;
+  }
+  void Keep(const Scene& scene, const RigidTransform& T, const Illumination& now) {
+    revision = scene.revision;
+    T_camera_scene = T;
+    light = now;
+    meshes.clear();
+    poses.clear();
+    for (const SceneObject& object : scene.objects) {
+      meshes.push_back(object.mesh);
+      poses.push_back(object.T_scene_object.matrix());
+    }
+  }
+};
+
+}  // namespace
+
+struct CgRenderer::State {
+  CgRendererConfig config;
+  PinholeCamera camera;
+  cv::Mat2f rays;
+  std::unique_ptr<Rasteriser> rasteriser;
+  CameraScene scene;
+  FragmentShader shader;
+  // Pictures as large as any layer so far; the layer's are their corners.
+  cv::Mat4f color;
+  cv::Mat1f depth_m;
+  cv::Mat1b object_id;
+  CgLayer layer;
+  Drawn drawn;
+  CgTiming timing;
+
+  void Cover(const cv::Rect& bounds) {
+    layer.bounds = bounds;
+    if (color.rows < bounds.height || color.cols < bounds.width) {
+      const cv::Size size(std::max(color.cols, bounds.width), std::max(color.rows, bounds.height));
+      color.create(size);
+      depth_m.create(size);
+      object_id.create(size);
+    }
+    const cv::Rect corner(0, 0, bounds.width, bounds.height);
+    layer.color = color(corner);
+    layer.depth_m = depth_m(corner);
+    layer.object_id = object_id(corner);
+  }
+
+  void Draw(const Scene& now, const RigidTransform& T_camera_scene, const Illumination& light) {
+    const auto start = std::chrono::steady_clock::now();
+    timing = {};
+    ++layer.drawing;
+    scene.Place(now, T_camera_scene);
+    const cv::Rect region = scene.Region(camera, config.near_m);
+    if (region.empty()) return Cover({});
+    rasteriser->Begin({kSampleScale, region});
+    scene.Draw(now, T_camera_scene, *rasteriser);
+    const VisibilityBuffer& samples = rasteriser->Finish();
+    timing.visibility_ms = MillisecondsSince(start);
+    if (samples.touched.empty()) return Cover({});
+
+    const auto shading_start = std::chrono::steady_clock::now();
+    const cv::Rect& touched = samples.touched;
+    const int x = (region.x + touched.x / kSampleScale) & ~1;
+    const int y = (region.y + touched.y / kSampleScale) & ~1;
+    const int right = (region.x + (touched.br().x - 1) / kSampleScale + 2) & ~1;
+    const int bottom = (region.y + (touched.br().y - 1) / kSampleScale + 2) & ~1;
+    Cover(cv::Rect(x, y, right - x, bottom - y) & region);
+    const CameraIllumination camera_light = InCamera(light, T_camera_scene);
+    const FragmentSource source{scene,  camera_light, samples,
+                                region, rays,         static_cast<float>(2.0 / (camera.fx + camera.fy))};
+    for (int v = layer.bounds.y; v < layer.bounds.br().y; ++v) shader.ShadeRow(source, v, layer);
+    timing.shading_ms = MillisecondsSince(shading_start);
+  }
+};
+
+CgRenderer::CgRenderer(std::unique_ptr<State> state) : state_(std::move(state)) {}
+CgRenderer::CgRenderer(CgRenderer&&) noexcept = default;
+CgRenderer& CgRenderer::operator=(CgRenderer&&) noexcept = default;
+CgRenderer::~CgRenderer() = default;
+
+Result<CgRenderer> CgRenderer::Create(const CgRendererConfig& config, const PinholeCamera& color) {
+  auto rasteriser = CreateRasteriser(RasterBackend::kCpu, color, {config.near_m});
+  if (!rasteriser) return tl::unexpected(rasteriser.error());
+  auto state = std::make_unique<State>();
+  state->config = config;
+  state->camera = color;
+  state->rays = UnprojectionTable(color);
+  state->rasteriser = std::move(*rasteriser);
+  return CgRenderer(std::move(state));
+}
+
+const CgLayer& CgRenderer::Run(const Scene& scene, const RigidTransform& T_camera_scene,
+                               const Illumination& light) {
+  State& state = *state_;
+  if (state.layer.drawing == 0 || !state.drawn.Is(scene, T_camera_scene, light)) {
+    state.Draw(scene, T_camera_scene, light);
+    state.drawn.Keep(scene, T_camera_scene, light);
+  }
+  return state.layer;
+}
+
+const CgTiming& CgRenderer::timing() const { return state_->timing; }
+
+}  // namespace mixstage

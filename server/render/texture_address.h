@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Where a texture coordinate lies between texels; shared by the scalar and the vector sampler.
+#pragma once
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+
+#include "server/scene/mesh.h"
+
+namespace mixstage {
+
+// |x| < 2^31. std::floor is a call on the baseline machine.
+inline float FloorOf(float x) {
+  const auto whole = static_cast<float>(static_cast<std::int32_t>(x));
+  return whole > x ? whole - 1.0f : whole;
+}
+
+// A texture coordinate (|t| <= 2e6) into 0..1.
+inline float WrapCoordinate(float t, TextureWrap wrap) {
+  if (wrap == TextureWrap::kRepeat) return t - FloorOf(t);
+  if (wrap == TextureWrap::kClamp) return std::min(std::max(t, 0.0f), 1.0f);
+  const float pair = t - 2.0f * FloorOf(0.5f * t);  // 0..2
+  return pair > 1.0f ? 2.0f - pair : pair;
+}
+
+struct TexelPair {
+  int a, b;  // neighbours, inside the texture
+  float share_of_b;
+};
+inline TexelPair TexelsAt(float t, int size, TextureWrap wrap) {
+  const float at = t * static_cast<float>(size) - 0.5f;
+  const float floor = FloorOf(at);
+  const int first = static_cast<int>(floor);
+  const bool repeats = wrap == TextureWrap::kRepeat;
+  TexelPair pair{first, first + 1, at - floor};
+  if (pair.a < 0) pair.a = repeats ? size - 1 : 0;
+  if (pair.a >= size) pair.a = size - 1;
+  if (pair.b >= size) pair.b = repeats ? 0 : size - 1;
+  return pair;
+}
+
+// log2 within 0.09: the mantissa taken as its own logarithm. A level of detail needs no more.
+inline float RoughLog2(float x) {
+  return static_cast<float>(std::bit_cast<std::int32_t>(x)) * (1.0f / (1 << 23)) - 127.0f;
+}
+
+// The finer of the two levels that a sample of so many level 0 texels lies between, and the share of the
+// coarser.
+struct LevelPair {
+  int fine;
+  float share_of_coarse;  // 0: the fine one alone
+};
+inline LevelPair LevelsFor(float texels, int levels) {
+  if (!(texels > 1.0f)) return {0, 0.0f};
+  const float level = RoughLog2(texels);
+  if (level >= static_cast<float>(levels - 1)) return {levels - 1, 0.0f};
+  const int fine = static_cast<int>(level);
+  return {fine, level - static_cast<float>(fine)};
+}
+
+}  // namespace mixstage

@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/render/texture_mips.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "proto/base/check.h"
+#include "server/render/texture_address.h"
+
+namespace mixstage {
+namespace {
+
+constexpr int kLargestSide = 4096;
+
+cv::Mat4w ToLinear(const cv::Mat4b& rgba) {
+  std::array<std::uint16_t, 256> linear{};
+  for (int i = 0; i < 256; ++i)
+    linear[static_cast<std::size_t>(i)] =
+        static_cast<std::uint16_t>(std::lround(65535.0f * LinearOfSrgb8(i)));
+  cv::Mat4w out(rgba.size());
+  for (int y = 0; y < rgba.rows; ++y) {
+    for (int x = 0; x < rgba.cols; ++x) {
+      const cv::Vec4b& p = rgba(y, x);
+      out(y, x) = {linear[p[0]], linear[p[1]], linear[p[2]], static_cast<std::uint16_t>(p[3] * 257)};
+    }
+  }
+  return out;
+}
+
+// Shares of the source pixels in one pixel of the halved side: two pixels, or three where the side is odd
+// (box filter of exactly source / target pixels, so that the mean stays).
+struct Shares {
+  int first = 0, count = 0;
+  std::array<float, 3> weight{};
+};
+std::vector<Shares> HalvingShares(int source, int target) {
+  std::vector<Shares> shares(static_cast<std::size_t>(target));
+  const double step = static_cast<double>(source) / target;
+  for (int i = 0; i < target; ++i) {
+    Shares& s = shares[static_cast<std::size_t>(i)];
+    const double begin = i * step;
+    const double end = (i + 1) * step;
+    s.first = static_cast<int>(begin);
+    for (int k = s.first; k < source && k < end && s.count < 3; ++k) {
+      const double overlap = std::min<double>(k + 1, end) - std::max<double>(k, begin);
+      s.weight[static_cast<std::size_t>(s.count++)] = static_cast<float>(overlap / step);
+    }
+  }
+  return shares;
+}
+
+// Colours are weighted by their alpha: what is not there lends nothing to its neighbours.
+cv::Mat4w Halve(const cv::Mat4w& source) {
+  cv::Mat4w out(std::max(1, source.rows / 2), std::max(1, source.cols / 2));
+  const std::vector<Shares> columns = HalvingShares(source.cols, out.cols);
+  const std::vector<Shares> rows = HalvingShares(source.rows, out.rows);
+  for (int y = 0; y < out.rows; ++y) {
+    const Shares& row = rows[static_cast<std::size_t>(y)];
+    for (int x = 0; x < out.cols; ++x) {
+      const Shares& column = columns[static_cast<std::size_t>(x)];
+      Eigen::Array3f weighted = Eigen::Array3f::Zero();
+      Eigen::Array3f plain = Eigen::Array3f::Zero();
+      float alpha = 0;
+      for (int j = 0; j < row.count; ++j) {
+        const auto* line = source.ptr<cv::Vec4w>(row.first + j) + column.first;
+        for (int i = 0; i < column.count; ++i) {
+          const float w =
+              row.weight[static_cast<std::size_t>(j)] * column.weight[static_cast<std::size_t>(i)];
+          const Eigen::Array3f rgb(line[i][0], line[i][1], line[i][2]);
+          plain += w * rgb;
+          weighted += w * line[i][3] * rgb;
+          alpha += w * line[i][3];
+        }
+      }
+      const Eigen::Array3f rgb = alpha > 0 ? Eigen::Array3f(weighted / alpha) : plain;
+      auto round = [](float v) { return static_cast<std::uint16_t>(std::clamp(v + 0.5f, 0.0f, 65535.0f)); };
+      out(y, x) = {round(rgb.x()), round(rgb.y()), round(rgb.z()), round(alpha)};
+    }
+  }
+  return out;
+}
+
+Eigen::Array4f Texel(const TextureMips::Level& level, int x, int y) {
+  const std::uint16_t* t = level.texels + 4 * (static_cast<std::ptrdiff_t>(y) * level.width + x);
+  return {static_cast<float>(t[0]), static_cast<float>(t[1]), static_cast<float>(t[2]),
+          static_cast<float>(t[3])};
+}
+
+Eigen::Array4f Bilinear(const TextureMips::Level& level, float u, float v, TextureWrap wrap_u,
+                        TextureWrap wrap_v) {
+  const TexelPair x = TexelsAt(u, level.width, wrap_u);
+  const TexelPair y = TexelsAt(v, level.height, wrap_v);
+  const Eigen::Array4f top_left = Texel(level, x.a, y.a);
+  const Eigen::Array4f bottom_left = Texel(level, x.a, y.b);
+  const Eigen::Array4f top = top_left + x.share_of_b * (Texel(level, x.b, y.a) - top_left);
+  const Eigen::Array4f bottom = bottom_left + x.share_of_b * (Texel(level, x.b, y.b) - bottom_left);
+  return top + y.share_of_b * (bottom - top);
+}
+
+}  // namespace
+
+float LinearOfSrgb8(int x) {
+  const float c = static_cast<float>(x) / 255.0f;
+  return c <= 0.04045f ? c / 12.92f : std::pow((c + 0.055f) / 1.055f, 2.4f);
+}
+
+TextureMips::TextureMips(const Texture& texture) : wrap_u_(texture.wrap_u), wrap_v_(texture.wrap_v) {
+  MIX_CHECK(!texture.rgba.empty());
+  cv::Mat4w image = ToLinear(texture.rgba);
+  while (std::max(image.rows, image.cols) > kLargestSide) image = Halve(image);
+  images_.push_back(image);
+  while (images_.back().rows > 1 || images_.back().cols > 1) images_.push_back(Halve(images_.back()));
+  for (const cv::Mat4w& level : images_)
+    levels_.push_back({level.ptr<std::uint16_t>(0), level.cols, level.rows});
+}
+
+Eigen::Array4f TextureMips::Sample(float u, float v, float texels) const {
+  const float s = WrapCoordinate(u, wrap_u_);
+  const float t = WrapCoordinate(v, wrap_v_);
+  const LevelPair pair = LevelsFor(texels, static_cast<int>(levels_.size()));
+  const auto fine = static_cast<std::size_t>(pair.fine);
+  Eigen::Array4f color = Bilinear(levels_[fine], s, t, wrap_u_, wrap_v_);
+  if (pair.share_of_coarse > 0) {
+    color += pair.share_of_coarse * (Bilinear(levels_[fine + 1], s, t, wrap_u_, wrap_v_) - color);
+  }
+  return color / 65535.0f;
+}
+
+void SampleTexturesScalar(std::span<const TextureMips* const> textures, const FragmentRows& rows,
+                          float* rgba) {
+  MIX_CHECK(textures.size() <= rows.capacity());
+  using enum FragmentRows::Row;
+  for (std::size_t i = 0; i < textures.size(); ++i) {
+    Eigen::Map<Eigen::Array4f> out(rgba + 4 * i);
+    out.setOnes();
+    if (textures[i] == nullptr) continue;
+    const float taps = rows.row(kTaps)[i];
+    out.setZero();
+    for (float k = 0; k < taps; ++k) {
+      const float along = (k + 0.5f) / taps - 0.5f;
+      out += textures[i]->Sample(rows.row(kU)[i] + along * rows.row(kStepU)[i],
+                                 rows.row(kV)[i] + along * rows.row(kStepV)[i], rows.row(kTexelsPerTap)[i]);
+    }
+    out /= taps;
+  }
+}
+
+}  // namespace mixstage

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A texture as it is sampled: linear light, 16 bits a channel, and all its halvings (mip levels), so that a
+// texture that is seen small is averaged instead of picked from.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <span>
+#include <vector>
+
+#include "server/render/fragment_rows.h"
+#include "server/scene/mesh.h"
+
+namespace mixstage {
+
+class TextureMips {
+ public:
+  struct Level {
+    const std::uint16_t* texels = nullptr;  // R G B A, 65535 = 1.0
+    int width = 0, height = 0;              // texels; rows follow one another
+  };
+
+  // A side over 4096 px is halved first: no picture of ours shows more.
+  explicit TextureMips(const Texture& texture);
+
+  [[nodiscard]] std::span<const Level> levels() const { return levels_; }
+  [[nodiscard]] TextureWrap wrap_u() const { return wrap_u_; }
+  [[nodiscard]] TextureWrap wrap_v() const { return wrap_v_; }
+
+  // R G B (linear) and alpha, all 0..1, at one point: between texels and between two levels blended
+  // (trilinear). texels: length in level 0 that the sample stands for.
+  [[nodiscard]] Eigen::Array4f Sample(float u, float v, float texels) const;
+
+ private:
+  std::vector<cv::Mat4w> images_;
+  std::vector<Level> levels_;
+  TextureWrap wrap_u_, wrap_v_;
+};
+
+// Colours of fragments 0..count-1 (four floats each, R G B A): the mean of kTaps samples along the
+// footprint's longer axis. textures: one a fragment; nullptr gives 1 1 1 1. The scalar one is the
+// specification.
+void SampleTextures(std::span<const TextureMips* const> textures, const FragmentRows& rows, float* rgba);
+void SampleTexturesScalar(std::span<const TextureMips* const> textures, const FragmentRows& rows,
+                          float* rgba);
+
+// x in 0..255, sRGB, to 0..1 in linear light.
+[[nodiscard]] float LinearOfSrgb8(int x);
+
+}  // namespace mixstage

@@ -1,0 +1,317 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// glTF 2.0 by tinygltf, between a gate in front (gltf_gate.h) and bounds checks behind (gltf_accessor.h).
+#include <tiny_gltf.h>
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "server/scene/gltf_accessor.h"
+#include "server/scene/gltf_gate.h"
+#include "server/scene/gltf_material.h"
+#include "server/scene/model_file.h"
+
+namespace mixstage {
+namespace {
+
+auto Bad(const std::string& what) { return Fail(ErrorCode::kBadInput, what); }
+
+// What tinygltf asks of the world while it parses: files of the model's folder within a budget, and pictures,
+// which are only kept (decoding waits until a material uses one).
+struct Source {
+  std::filesystem::path folder;
+  std::size_t bytes_left = ModelLimits::kTotalBytes;
+  std::string refusal;  // why the first file was refused
+  std::vector<std::vector<std::uint8_t>> images;
+
+  Result<std::filesystem::path> Resolve(const std::string& path) {
+    const std::string prefix = folder.string() + "/";
+    if (path.rfind(prefix, 0) != 0) return Fail(ErrorCode::kBadInput, "is outside the model's folder");
+    auto found = ResolveInside(folder, path.substr(prefix.size()));
+    if (!found && refusal.empty()) refusal = found.error().message;
+    return found;
+  }
+};
+
+bool FileExists(const std::string& path, void* user) {
+  return static_cast<Source*>(user)->Resolve(path).has_value();
+}
+std::string SamePath(const std::string& path, void* /*user*/) { return path; }
+bool ReadFile(std::vector<unsigned char>* out, std::string* error, const std::string& path, void* user) {
+  auto& source = *static_cast<Source*>(user);
+  auto file = source.Resolve(path);
+  auto bytes = file ? ReadFileBytes(*file, std::min(source.bytes_left, ModelLimits::kFileBytes))
+                    : Result<std::vector<std::uint8_t>>(tl::unexpected(file.error()));
+  if (!bytes) {
+    if (error != nullptr) *error += bytes.error().message;
+    return false;
+  }
+  source.bytes_left -= bytes->size();
+  *out = std::move(*bytes);
+  return true;
+}
+bool WriteFile(std::string* /*error*/, const std::string& /*path*/,
+               const std::vector<unsigned char>& /*bytes*/, void* /*user*/) {
+  return false;
+}
+
+bool KeepImage(tinygltf::Image* image, int index, std::string* /*error*/, std::string* /*warning*/,
+               int /*width*/, int /*height*/, const unsigned char* bytes, int size, void* user) {
+  auto& source = *static_cast<Source*>(user);
+  // Pointer and size of a buffer view come unchecked: GltfViewBytes fetches those later.
+  if (image->bufferView >= 0 || index < 0 || size <= 0) return true;
+  const auto i = static_cast<std::size_t>(index);
+  if (source.images.size() <= i) source.images.resize(i + 1);
+  source.images[i].assign(bytes, bytes + size);
+  return true;
+}
+
+// tinygltf reports several lines: the first says it.
+std::string FirstLine(const std::string& text) {
+  const std::string line = text.substr(0, text.find('\n'));
+  return line.empty() ? "is no valid glTF" : line.substr(0, 200);
+}
+
+Result<Eigen::Affine3d> LocalTransform(const tinygltf::Node& node, const std::string& place) {
+  Eigen::Affine3d T = Eigen::Affine3d::Identity();
+  if (node.matrix.size() == 16) {
+    T.matrix() = Eigen::Map<const Eigen::Matrix4d>(node.matrix.data());  // column-major in glTF, as in Eigen
+    if ((T.matrix().row(3) - Eigen::RowVector4d(0, 0, 0, 1)).cwiseAbs().maxCoeff() > 1e-6) {
+      return Bad(place + ".matrix is not affine");
+    }
+  } else {
+    if (node.translation.size() == 3) T.translate(Eigen::Map<const Eigen::Vector3d>(node.translation.data()));
+    if (node.rotation.size() == 4) {
+      Eigen::Quaterniond q(node.rotation[3], node.rotation[0], node.rotation[1], node.rotation[2]);
+      if (!(q.norm() > 1e-6)) return Bad(place + ".rotation is no rotation");
+      T.rotate(q.normalized());
+    }
+    if (node.scale.size() == 3)
+      T.scale(Eigen::Vector3d(Eigen::Map<const Eigen::Vector3d>(node.scale.data())));
+  }
+  if (!T.matrix().allFinite()) return Bad(place + " has a transform that is not finite");
+  return T;
+}
+
+// A strip's or fan's triangles, each wound like the list's.
+std::vector<std::uint32_t> AsTriangles(std::vector<std::uint32_t> in, int mode) {
+  if (mode == TINYGLTF_MODE_TRIANGLES || mode < 0) {
+    in.resize(in.size() / 3 * 3);
+    return in;
+  }
+  std::vector<std::uint32_t> out;
+  for (std::size_t i = 2; i < in.size(); ++i) {
+    if (mode == TINYGLTF_MODE_TRIANGLE_FAN) {
+      out.insert(out.end(), {in[0], in[i - 1], in[i]});
+    } else {
+      const std::size_t odd = i % 2;
+      out.insert(out.end(), {in[i - 2 + odd], in[i - 1 - odd], in[i]});
+    }
+  }
+  return out;
+}
+
+class Importer {
+ public:
+  Importer(const tinygltf::Model& model, GltfMaterials materials, LoadedModel& out)
+      : model_(model), transforms_(std::move(materials.transforms)), out_(out) {
+    out_.mesh.materials = std::move(materials.materials);
+    out_.mesh.textures = std::move(materials.textures);
+  }
+
+  Status AddScene() {
+    struct Entry {
+      int node;
+      Eigen::Affine3d T_model_parent;
+    };
+    std::vector<Entry> open;
+    for (const int root : Roots()) open.push_back({root, Eigen::Affine3d::Identity()});
+    std::vector<char> seen(model_.nodes.size(), 0);
+    while (!open.empty()) {
+      const Entry entry = open.back();
+      open.pop_back();
+      const std::string place = "nodes[" + std::to_string(entry.node) + "]";
+      if (entry.node < 0 || static_cast<std::size_t>(entry.node) >= model_.nodes.size()) {
+        return Bad(place + " does not exist");
+      }
+      // glTF's nodes are strict trees; in anything else a walk may never end.
+      if (std::exchange(seen[static_cast<std::size_t>(entry.node)], 1) != 0)
+        return Bad(place + " has two parents or is its own child");
+      const tinygltf::Node& node = model_.nodes[static_cast<std::size_t>(entry.node)];
+      auto T_parent_node = LocalTransform(node, place);
+      if (!T_parent_node) return tl::unexpected(T_parent_node.error());
+      const Eigen::Affine3d T_model_node = entry.T_model_parent * *T_parent_node;
+      if (node.mesh >= 0) {
+        // By the specification the node of a skinned mesh does not move it, its joints do: bind pose as is.
+        if (node.skin >= 0) skinned_ = true;
+        if (auto ok = AddMesh(node.mesh, node.skin >= 0 ? Eigen::Affine3d::Identity() : T_model_node); !ok)
+          return ok;
+      }
+      for (const int child : node.children) open.push_back({child, T_model_node});
+    }
+    if (skinned_) out_.warnings.emplace_back("its skeleton is not animated: drawn in the bind pose");
+    if (morphed_) out_.warnings.emplace_back("its morph targets are not drawn");
+    if (other_modes_) out_.warnings.emplace_back("its points and lines are not drawn");
+    return {};
+  }
+
+ private:
+  std::vector<int> Roots() const {
+    if (!model_.scenes.empty()) {
+      const int scene = model_.defaultScene;
+      const bool valid = scene >= 0 && static_cast<std::size_t>(scene) < model_.scenes.size();
+      return model_.scenes[valid ? static_cast<std::size_t>(scene) : 0].nodes;
+    }
+    std::vector<char> is_child(model_.nodes.size(), 0);
+    for (const tinygltf::Node& node : model_.nodes) {
+      for (const int child : node.children) {
+        if (child >= 0 && static_cast<std::size_t>(child) < is_child.size())
+          is_child[static_cast<std::size_t>(child)] = 1;
+      }
+    }
+    std::vector<int> roots;
+    for (std::size_t i = 0; i < is_child.size(); ++i) {
+      if (is_child[i] == 0) roots.push_back(static_cast<int>(i));
+    }
+    return roots;
+  }
+
+  Status AddMesh(int index, const Eigen::Affine3d& T_model_mesh) {
+    const std::string place = "meshes[" + std::to_string(index) + "]";
+    if (static_cast<std::size_t>(index) >= model_.meshes.size()) return Bad(place + " does not exist");
+    const std::vector<tinygltf::Primitive>& primitives =
+        model_.meshes[static_cast<std::size_t>(index)].primitives;
+    for (std::size_t i = 0; i < primitives.size(); ++i) {
+      if (auto ok = AddPrimitive(primitives[i], T_model_mesh); !ok) {
+        return Within(place + ".primitives[" + std::to_string(i) + "]", ok.error());
+      }
+    }
+    return {};
+  }
+
+  Status AddPrimitive(const tinygltf::Primitive& primitive, const Eigen::Affine3d& T_model_mesh) {
+    morphed_ |= !primitive.targets.empty();
+    const auto position = primitive.attributes.find("POSITION");
+    const bool triangles = primitive.mode < 0 || (primitive.mode >= TINYGLTF_MODE_TRIANGLES &&
+                                                  primitive.mode <= TINYGLTF_MODE_TRIANGLE_FAN);
+    if (!triangles || position == primitive.attributes.end()) {
+      other_modes_ = true;
+      return {};
+    }
+    Mesh piece;
+    if (auto ok = ReadAttributes(primitive, position->second, piece); !ok) return ok;
+    std::vector<std::uint32_t> indices(piece.positions.size());
+    std::iota(indices.begin(), indices.end(), 0u);
+    if (primitive.indices >= 0) {
+      auto read = ReadGltfIndices(model_, primitive.indices, piece.positions.size());
+      if (!read) return Within("indices", read.error());
+      indices = std::move(*read);
+    }
+    piece.indices = AsTriangles(std::move(indices), primitive.mode);
+    if (piece.indices.empty()) return {};
+    if (piece.triangle_count() + out_.mesh.triangle_count() > ModelLimits::kTriangles)
+      return Bad("takes the model over the limit of triangles");
+    if (piece.normals.empty()) FlatNormals(piece);
+    if (piece.positions.size() + out_.mesh.positions.size() > ModelLimits::kVertices)
+      return Bad("takes the model over the limit of vertices");
+    if (out_.mesh.parts.size() >= ModelLimits::kParts) return Bad("takes the model over the limit of parts");
+    piece.parts.push_back({0, static_cast<std::uint32_t>(piece.indices.size()), MaterialOf(primitive)});
+    Place(piece, T_model_mesh);
+    AppendTriangles(out_.mesh, std::move(piece));
+    return {};
+  }
+
+  int MaterialOf(const tinygltf::Primitive& primitive) const {
+    const int standard = static_cast<int>(out_.mesh.materials.size()) - 1;
+    return primitive.material >= 0 && primitive.material < standard ? primitive.material : standard;
+  }
+
+  Status ReadAttributes(const tinygltf::Primitive& primitive, int position, Mesh& piece) const {
+    auto positions = ReadGltfNumbers(model_, position, {3});
+    if (!positions) return Within("POSITION", positions.error());
+    const std::size_t n = positions->count();
+    for (std::size_t i = 0; i < n; ++i) piece.positions.emplace_back(positions->values.data() + 3 * i);
+    auto read = [&](const std::string& name, std::initializer_list<int> components, auto&& take) -> Status {
+      const auto found = primitive.attributes.find(name);
+      if (found == primitive.attributes.end()) return {};
+      auto numbers = ReadGltfNumbers(model_, found->second, components);
+      if (!numbers) return Within(name, numbers.error());
+      if (numbers->count() != n) return Bad(name + " has not as many entries as POSITION");
+      for (std::size_t i = 0; i < n; ++i)
+        take(numbers->values.data() + i * static_cast<std::size_t>(numbers->components));
+      return {};
+    };
+    const TextureTransform& transform = transforms_[static_cast<std::size_t>(MaterialOf(primitive))];
+    auto ok = read("NORMAL", {3}, [&](const float* v) { piece.normals.emplace_back(v); });
+    if (ok) {
+      ok = read("TEXCOORD_" + std::to_string(transform.uv_set), {2},
+                [&](const float* v) { piece.uvs.push_back(transform.Apply(Eigen::Vector2f(v))); });
+    }
+    if (ok) {
+      ok = read("COLOR_0", {3, 4}, [&](const float* v) {
+        piece.colors.push_back(Eigen::Vector3f(v).cwiseMax(0.0f).cwiseMin(1.0f));
+      });
+    }
+    return ok;
+  }
+
+  // Into the model's coordinates; a mirroring transform turns the triangles' winding, which is turned back.
+  static void Place(Mesh& piece, const Eigen::Affine3d& T) {
+    const Eigen::Matrix3d linear = T.linear();
+    // The cofactor matrix is det(A) A^-T: it maps normals also where a scale is 0.
+    Eigen::Matrix3d cofactor;
+    cofactor.row(0) = linear.row(1).cross(linear.row(2));
+    cofactor.row(1) = linear.row(2).cross(linear.row(0));
+    cofactor.row(2) = linear.row(0).cross(linear.row(1));
+    const bool mirrors = linear.determinant() < 0;
+    if (mirrors) cofactor = -cofactor;
+    for (Eigen::Vector3f& p : piece.positions) p = (T * p.cast<double>()).cast<float>();
+    for (Eigen::Vector3f& n : piece.normals) {
+      const Eigen::Vector3d mapped = cofactor * n.cast<double>();
+      const double length = mapped.norm();
+      n = std::isfinite(length) && length > 0 ? Eigen::Vector3f((mapped / length).cast<float>())
+                                              : Eigen::Vector3f::UnitY();
+    }
+    if (!mirrors) return;
+    for (std::size_t t = 0; t + 2 < piece.indices.size(); t += 3)
+      std::swap(piece.indices[t + 1], piece.indices[t + 2]);
+  }
+
+  const tinygltf::Model& model_;
+  const std::vector<TextureTransform> transforms_;
+  LoadedModel& out_;
+  bool skinned_ = false, morphed_ = false, other_modes_ = false;
+};
+
+}  // namespace
+
+Result<LoadedModel> ImportGltf(const std::vector<std::uint8_t>& bytes, const std::filesystem::path& folder) {
+  auto container = CheckGltf(bytes);
+  if (!container) return tl::unexpected(container.error());
+  std::error_code error;
+  Source source;
+  source.folder = std::filesystem::canonical(folder.empty() ? std::filesystem::path(".") : folder, error);
+  if (error) return Bad("its folder cannot be read");
+  tinygltf::TinyGLTF parser;
+  parser.SetFsCallbacks({&FileExists, &SamePath, &ReadFile, &WriteFile, &source});
+  parser.SetImageLoader(&KeepImage, &source);
+  tinygltf::Model model;
+  std::string errors;
+  std::string warnings;
+  const auto size = static_cast<unsigned int>(bytes.size());
+  const bool parsed = *container == GltfContainer::kBinary
+                          ? parser.LoadBinaryFromMemory(&model, &errors, &warnings, bytes.data(), size,
+                                                        source.folder.string())
+                          : parser.LoadASCIIFromString(&model, &errors, &warnings,
+                                                       reinterpret_cast<const char*>(bytes.data()), size,
+                                                       source.folder.string());
+  if (!parsed) return Bad(source.refusal.empty() ? FirstLine(errors) : source.refusal);
+  LoadedModel out;
+  out.up = UpAxis::kY;
+  GltfMaterials materials = ReadGltfMaterials(model, source.images, out.warnings);
+  Importer importer(model, std::move(materials), out);
+  if (auto ok = importer.AddScene(); !ok) return tl::unexpected(ok.error());
+  return out;
+}
+
+}  // namespace mixstage

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The virtual part of the picture: objects placed in the room and the lights that shine on them (piVE section
+// 4).
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "server/scene/mesh.h"
+
+namespace mixstage {
+
+enum class SceneFrame {
+  kWorld = 1,  // z up, floor at z = 0
+  kCamera,     // the colour camera's at the first picture: x right, y down, z forward
+};
+
+// Who may touch an object (piVE section 4).
+enum class Body {
+  kIsolated = 1,
+  kMutual,  // the other objects
+  kActor,   // the actor too
+};
+
+struct SceneObject {
+  std::string name;                                              // unique in its scene
+  std::string file;                                              // as the scene file names it
+  std::shared_ptr<const Mesh> mesh;                              // immutable; objects of one file share it
+  Eigen::Affine3d T_scene_object = Eigen::Affine3d::Identity();  // file coordinates to the scene's frame
+  Body body = Body::kMutual;
+  bool drop = false;
+  double mass_kg = 1.0;
+};
+
+// Strengths are relative to the picture: 1.0 = the picture's white, linear light. A white (albedo 1) matt
+// surface shows irradiance / pi.
+
+// color x intensity: what a white surface shows that faces the light from 1 m away; falls with the square.
+struct PointLight {
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // scene frame
+};
+// color x intensity: what a white surface shows that faces the light.
+struct DirectionalLight {
+  Eigen::Vector3d toward_light = Eigen::Vector3d::UnitZ();  // unit vector, scene frame
+};
+// color x intensity: radiance of the rectangle's face, to the side of edge_u x edge_v.
+struct AreaLight {
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();
+  Eigen::Vector3d edge_u = Eigen::Vector3d::Zero(), edge_v = Eigen::Vector3d::Zero();  // full sides
+};
+
+struct Light {
+  std::string name;
+  std::variant<PointLight, DirectionalLight, AreaLight> shape;
+  Eigen::Vector3f color = Eigen::Vector3f::Ones();  // linear, >= 0
+  float intensity = 1.0f;                           // >= 0
+  [[nodiscard]] Eigen::Vector3f Strength() const { return intensity * color; }
+};
+
+struct Reflector {
+  std::string name;
+  Eigen::Vector4d plane = Eigen::Vector4d::Zero();  // n . x + d = 0, |n| = 1
+  std::vector<Eigen::Vector3d> polygon;
+  double reflectivity = 0, roughness = 0;  // 0..1
+};
+
+struct Scene {
+  SceneFrame frame = SceneFrame::kWorld;
+  std::vector<SceneObject> objects;
+  std::vector<Light> lights;  // empty: those of the environment, or the default light
+  std::vector<Reflector> reflectors;
+  std::uint64_t revision =
+      1;  // whoever changes the scene raises it; pictures drawn of an older one are stale
+};
+
+// "Up" of a frame as a unit vector.
+[[nodiscard]] Eigen::Vector3d UpOf(SceneFrame frame);
+
+}  // namespace mixstage

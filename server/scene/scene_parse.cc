@@ -1,0 +1,228 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+#include <set>
+
+#include "proto/geometry/frames.h"
+#include "server/scene/scene_file.h"
+#include "server/scene/yaml_fields.h"
+
+namespace mixstage {
+namespace {
+
+constexpr std::size_t kMostObjects = 256;
+constexpr std::size_t kMostLights = 64;
+constexpr std::size_t kMostReflectors = 16;
+constexpr std::size_t kMostCorners = 256;
+constexpr double kFarthest = 1e5;  // m
+
+Eigen::Vector3d ToVector(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
+
+Status All(std::initializer_list<Status> steps) {
+  for (const Status& step : steps) {
+    if (!step) return step;
+  }
+  return {};
+}
+
+Status ReadPlacing(YamlFields& f, SceneDescription::Object& object) {
+  if (f.Has("pose")) {
+    for (const char* key : {"position", "rotation_deg", "scale", "up"}) {
+      if (f.Has(key)) return f.Bad(key, "stands beside pose: give one or the other");
+    }
+    std::array<double, 16> numbers{};
+    if (auto ok = f.Numbers("pose", numbers); !ok) return ok;
+    auto pose = AffineFromRowMajor(numbers);
+    if (!pose) return f.Bad("pose", pose.error().message);
+    if (pose->matrix().cwiseAbs().maxCoeff() > kFarthest) return f.Bad("pose", "has a number over 100000");
+    object.pose = *pose;
+    return {};
+  }
+  std::size_t up = 0;
+  if (auto ok = All({f.Numbers("position", object.placing.position),
+                     f.Numbers("rotation_deg", object.placing.rotation_deg),
+                     f.Number("scale", object.placing.scale), f.Choice("up", {"", "y", "z"}, up)});
+      !ok) {
+    return ok;
+  }
+  if (!(object.placing.scale >= 1e-4 && object.placing.scale <= 1e4))
+    return f.Bad("scale", "is outside 0.0001..10000");
+  if (ToVector(object.placing.position).cwiseAbs().maxCoeff() > kFarthest)
+    return f.Bad("position", "has a number over 100000");
+  if (up != 0) object.placing.up = up == 1 ? UpAxis::kY : UpAxis::kZ;
+  return {};
+}
+
+Status ReadObject(YamlFields& f, std::size_t number, SceneDescription& scene) {
+  SceneDescription::Object object;
+  object.line = f.line();
+  object.name = "object " + std::to_string(number + 1);
+  std::size_t body = 1;
+  const bool has_drop = f.Has("drop");
+  if (auto ok =
+          All({f.Text("name", object.name), f.Text("file", object.file), f.Flag("drop", object.drop),
+               f.Choice("body", {"isolated", "mutual", "actor"}, body),
+               f.NumberIn("mass_kg", 1e-6, 1e6, object.mass_kg), ReadPlacing(f, object), f.CheckAllKnown()});
+      !ok) {
+    return ok;
+  }
+  if (object.file.empty()) return f.Bad("file", "is missing");
+  object.body = static_cast<Body>(body + 1);
+  for (const auto& other : scene.objects) {
+    if (other.name == object.name) return f.Bad("name", "is the name of another object: " + object.name);
+  }
+  if (has_drop && object.drop) scene.warnings.push_back("object " + object.name + ": drop has no effect yet");
+  scene.objects.push_back(std::move(object));
+  return {};
+}
+
+Status ReadDirectional(YamlFields& f, SceneFrame frame, Light& light) {
+  DirectionalLight sun;
+  if (f.Has("preset") == f.Has("direction"))
+    return f.Bad("kind", "directional needs preset or direction, one of them");
+  std::size_t preset = 0;
+  std::array<double, 3> direction{};
+  if (auto ok = All({f.Choice("preset", {"N", "E", "S", "W"}, preset), f.Numbers("direction", direction)});
+      !ok)
+    return ok;
+  if (f.Has("direction")) {
+    if (!(ToVector(direction).norm() > 1e-6)) return f.Bad("direction", "has length 0");
+    sun.toward_light = -ToVector(direction).normalized();  // the file says where the light travels
+  } else {
+    // N = +y, E = +x, S = -y, W = -x of the world; of a camera scene N = away from the camera (z), E = right
+    // (x).
+    const Eigen::Vector3d north =
+        frame == SceneFrame::kWorld ? Eigen::Vector3d::UnitY() : Eigen::Vector3d::UnitZ();
+    const Eigen::Vector3d east = Eigen::Vector3d::UnitX();
+    const Eigen::Vector3d from[] = {north, east, -north, -east};
+    sun.toward_light = (from[preset] + UpOf(frame)).normalized();
+  }
+  light.shape = sun;
+  return {};
+}
+
+Status ReadArea(YamlFields& f, Light& light) {
+  std::array<double, 3> center{};
+  std::array<double, 3> edge_u{};
+  std::array<double, 3> edge_v{};
+  for (const char* key : {"center", "edge_u", "edge_v"}) {
+    if (!f.Has(key)) return f.Bad(key, "is missing: an area light needs center, edge_u, edge_v");
+  }
+  if (auto ok = All({f.Numbers("center", center), f.Numbers("edge_u", edge_u), f.Numbers("edge_v", edge_v)});
+      !ok)
+    return ok;
+  AreaLight area{ToVector(center), ToVector(edge_u), ToVector(edge_v)};
+  if (!(area.edge_u.cross(area.edge_v).norm() > 1e-9)) return f.Bad("edge_u", "and edge_v span no area");
+  light.shape = area;
+  return {};
+}
+
+Status ReadLight(YamlFields& f, std::size_t number, SceneDescription& scene) {
+  Light light;
+  light.name = "light " + std::to_string(number + 1);
+  std::size_t kind = 3;
+  std::array<double, 3> color{1, 1, 1};
+  double intensity = 1;
+  if (auto ok = All({f.Text("name", light.name), f.Choice("kind", {"point", "directional", "area"}, kind),
+                     f.Numbers("color", color), f.NumberIn("intensity", 0, 1e6, intensity)});
+      !ok) {
+    return ok;
+  }
+  for (const double c : color) {
+    if (!(c >= 0 && c <= 1e6)) return f.Bad("color", "has a number outside 0..1000000");
+  }
+  light.color = ToVector(color).cast<float>();
+  light.intensity = static_cast<float>(intensity);
+  Status shape;
+  if (kind == 0) {
+    std::array<double, 3> position{};
+    if (!f.Has("position")) return f.Bad("position", "is missing: a point light needs it");
+    shape = f.Numbers("position", position);
+    light.shape = PointLight{ToVector(position)};
+  } else if (kind == 1) {
+    shape = ReadDirectional(f, scene.frame, light);
+  } else if (kind == 2) {
+    shape = ReadArea(f, light);
+  } else {
+    return f.Bad("kind", "is missing (point, directional or area)");
+  }
+  if (!shape) return shape;
+  scene.lights.push_back(std::move(light));
+  return f.CheckAllKnown();
+}
+
+Status ReadReflector(YamlFields& f, std::size_t number, SceneDescription& scene) {
+  Reflector reflector;
+  reflector.name = "reflector " + std::to_string(number + 1);
+  std::array<double, 4> plane{};
+  if (!f.Has("plane")) return f.Bad("plane", "is missing");
+  if (auto ok = All({f.Text("name", reflector.name), f.Numbers("plane", plane),
+                     f.NumberIn("reflectivity", 0, 1, reflector.reflectivity),
+                     f.NumberIn("roughness", 0, 1, reflector.roughness)});
+      !ok) {
+    return ok;
+  }
+  reflector.plane = Eigen::Vector4d(plane[0], plane[1], plane[2], plane[3]);
+  const double length = reflector.plane.head<3>().norm();
+  if (!(length > 1e-9)) return f.Bad("plane", "has a normal of length 0");
+  reflector.plane /= length;
+  if (f.Has("polygon")) {
+    const YAML::Node polygon = f.Raw("polygon");
+    if (!polygon.IsSequence() || polygon.size() < 3 || polygon.size() > kMostCorners) {
+      return f.Bad("polygon", "is not a list of 3 to 256 points");
+    }
+    for (const YAML::Node& corner : polygon) {
+      Eigen::Vector3d point;
+      bool good = corner.IsSequence() && corner.size() == 3;
+      for (std::size_t k = 0; good && k < 3; ++k) good = YamlNumber(corner[k], point[static_cast<int>(k)]);
+      if (!good) return f.Bad("polygon", "has a corner that is not three finite numbers");
+      reflector.polygon.push_back(point);
+    }
+  }
+  scene.warnings.push_back(reflector.name + ": reflectors have no effect yet");
+  scene.reflectors.push_back(std::move(reflector));
+  return f.CheckAllKnown();
+}
+
+template <typename Read>
+Status ReadList(YamlFields& root, const char* key, std::size_t limit, SceneDescription& scene, Read read) {
+  auto entries = root.List(key, limit);
+  if (!entries) return tl::unexpected(entries.error());
+  for (std::size_t i = 0; i < entries->size(); ++i) {
+    if (auto ok = read((*entries)[i], i, scene); !ok) return ok;
+  }
+  return {};
+}
+
+Result<SceneDescription> Parse(const std::string& text, const std::string& place) {
+  auto root = ParseYaml(text, place);
+  if (!root) return tl::unexpected(root.error());
+  SceneDescription scene;
+  double version = 1;
+  std::size_t frame = 0;
+  if (auto ok = All({root->Number("version", version), root->Choice("frame", {"world", "camera"}, frame)});
+      !ok) {
+    return tl::unexpected(ok.error());
+  }
+  if (version != 1) return root->Bad("version", "is not 1");
+  scene.frame = frame == 0 ? SceneFrame::kWorld : SceneFrame::kCamera;
+  if (auto ok = ReadList(*root, "objects", kMostObjects, scene, ReadObject); !ok)
+    return tl::unexpected(ok.error());
+  if (auto ok = ReadList(*root, "lights", kMostLights, scene, ReadLight); !ok)
+    return tl::unexpected(ok.error());
+  if (auto ok = ReadList(*root, "reflectors", kMostReflectors, scene, ReadReflector); !ok)
+    return tl::unexpected(ok.error());
+  if (auto ok = root->CheckAllKnown(); !ok) return tl::unexpected(ok.error());
+  return scene;
+}
+
+}  // namespace
+
+Result<SceneDescription> ParseScene(const std::string& text, const std::string& place) {
+  try {
+    return Parse(text, place);
+  } catch (const std::exception& e) {  // yaml-cpp throws on access too
+    return Fail(ErrorCode::kInvalidConfig, place + ": cannot be read as YAML (" + e.what() + ")");
+  }
+}
+
+}  // namespace mixstage

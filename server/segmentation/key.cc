@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/segmentation/key.h"
+
+#include <algorithm>
+#include <cmath>
+#include <initializer_list>
+#include <opencv2/imgproc.hpp>
+
+#include "proto/base/check.h"
+#include "server/segmentation/enlarge.h"
+#include "server/segmentation/fusion.h"
+#include "server/segmentation/labels.h"
+
+namespace mixstage {
+namespace {
+
+// One step of decision to one of alpha: an edge of clear evidence (+-2 log-odds) runs from 0 to 255.
+constexpr float kAlphaPerByte = 4.0f;
+
+// Log-odds [Quarter x Quarter] -> bytes at half size.
+void EnlargeEvidence(const cv::Mat1f& from, float scale, float offset, cv::Size half, cv::Mat1b* small, cv::Mat1b* to) {
+  from.convertTo(*small, CV_8U, scale, offset);
+  to->create(half);
+  EnlargeTwice(*small, View(*to));
+}
+
+}  // namespace
+
+Result<Key> Key::Create(const KeyConfig& c) {
+  for (const float value : {c.actor_prior, c.room_weight, c.neighbor_strength, c.shadow.darkness_cost, c.depth.most,
+                            c.depth.least}) {
+    if (!std::isfinite(value) || std::abs(value) > 100) {
+      return Fail(ErrorCode::kInvalidConfig, "the key's log-odds must be finite and within 100");
+    }
+  }
+  if (c.neighbor_rounds < 0 || c.neighbor_rounds > 8 || c.neighbor_strength < 0 || c.room_weight < 0) {
+    return Fail(ErrorCode::kInvalidConfig, "neighbor_rounds must be 0 to 8, neighbor_strength and room_weight >= 0");
+  }
+  if (!(c.depth.most > 0 && c.depth.least < 0 && c.depth.actor_speed_m_s >= 0)) {
+    return Fail(ErrorCode::kInvalidConfig, "depth.most must be > 0, depth.least < 0, depth.actor_speed_m_s >= 0");
+  }
+  if (!(c.shadow.chroma_tolerance >= 0 && c.shadow.chroma_tolerance <= 1 && c.shadow.usual_least >= 0 &&
+        c.shadow.usual_least <= 1)) {
+    return Fail(ErrorCode::kInvalidConfig, "shadow.chroma_tolerance and shadow.usual_least must lie in 0..1");
+  }
+  if (!(c.regions.least_actor_share >= 0 && c.regions.least_actor_share < 1 && c.regions.largest_hole_share >= 0 &&
+        c.regions.largest_hole_share < 1)) {
+    return Fail(ErrorCode::kInvalidConfig, "regions: shares of the picture must lie in 0..1");
+  }
+  return Key(c);
+}
+
+void Key::Run(const BackgroundModel& model, const HalfPicture& picture, ImageView<const float> depth_m,
+              float depth_age_s, ImageView<std::uint8_t> label, ImageView<std::uint8_t> alpha) {
+  const cv::Size half(Half(model.width), Half(model.height));
+  MIX_CHECK(picture.r.size() == half && model.mean[0].size() == half);
+  MIX_CHECK(label.width() == model.width && label.height() == model.height && SameSize(label, alpha));
+  MIX_CHECK(depth_age_s >= 0);
+  if (!actor_around_.empty() && actor_around_.size() != half) actor_around_.release();
+
+  tone_ = FindToneChange(picture, model.mean, actor_around_);
+  shadow_texture_.Run(picture, model, tone_, &texture_);
+  FindColorEvidence(picture, model, tone_, config_.shadow, texture_, &color_);
+  cv::blur(color_.room, room_around_, {5, 5}, {-1, -1}, cv::BORDER_REPLICATE);
+
+  if (!depth_m.empty() && model.has_depth()) {
+    depth_evidence_.Run(depth_m, depth_age_s, model, config_.depth);
+    EnlargeEvidence(depth_evidence_.log_odds(), 1 / kEvidencePerByte, kNoEvidence, half, &depth_small_, &depth_);
+    EnlargeEvidence(depth_evidence_.inside(), 255, 0, half, &inside_small_, &inside_);
+  } else {
+    depth_.create(half);
+    inside_.create(half);
+    depth_.setTo(kNoEvidence);
+    inside_.setTo(0);
+  }
+
+  Fuse({color_.room, room_around_, color_.shadow, depth_, inside_, config_.actor_prior, config_.room_weight},
+       &evidence_);
+  neighbor_vote_.Run(evidence_, config_.neighbor_strength, config_.neighbor_rounds, &decision_);
+  region_filter_.Run(evidence_, config_.regions, &decision_);
+  Decide(half);
+  edge_coverage_.Run(picture, model, tone_, half_mask_, &half_alpha_);
+  cv::threshold(half_alpha_, half_mask_, 127, 255, cv::THRESH_BINARY);
+  cv::dilate(half_mask_, actor_around_, cv::getStructuringElement(cv::MORPH_RECT, {9, 9}));
+  WriteFullSize(label, alpha);
+}
+
+void Key::Decide(cv::Size half) {
+  half_shadow_.create(half);
+  // Coverage before the outline is placed: an edge of clear evidence (+-2 log-odds) runs from 0 to 255.
+  decision_.convertTo(half_alpha_, CV_8U, kAlphaPerByte, 128 - kAlphaPerByte * kNoEvidence);
+  cv::threshold(decision_, half_mask_, kNoEvidence, 255, cv::THRESH_BINARY);
+  // Third label of piVE 3: changed, and "the room, darkened" explains it better than "the room" does.
+  for (int y = 0; y < half.height; ++y) {
+    const std::uint8_t* room = color_.room.ptr<std::uint8_t>(y);
+    const std::uint8_t* dark = color_.shadow.ptr<std::uint8_t>(y);
+    std::uint8_t* shadow = half_shadow_.ptr<std::uint8_t>(y);
+    for (int x = 0; x < half.width; ++x) {
+      const bool is_shadow = (room[x] > kNoEvidence) & (dark[x] + 16 < room[x]);
+      shadow[x] = is_shadow ? std::uint8_t{kLabelShadow} : std::uint8_t{kLabelBackground};
+    }
+  }
+  cv::medianBlur(half_shadow_, half_shadow_, 3);
+}
+
+void Key::WriteFullSize(ImageView<std::uint8_t> label, ImageView<std::uint8_t> alpha) {
+  EnlargeTwice(half_alpha_, alpha);
+  WriteLabels(alpha, half_shadow_, label);
+}
+
+}  // namespace mixstage

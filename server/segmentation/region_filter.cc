@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/segmentation/region_filter.h"
+
+#include <algorithm>
+
+#include "proto/base/check.h"
+#include "server/segmentation/color_evidence.h"
+
+namespace mixstage {
+
+int RegionFilter::Find(int region) {
+  while (regions_[static_cast<std::size_t>(region)].parent != region) {
+    Region& r = regions_[static_cast<std::size_t>(region)];
+    r.parent = regions_[static_cast<std::size_t>(r.parent)].parent;
+    region = r.parent;
+  }
+  return region;
+}
+
+void RegionFilter::Unite(int a, int b) {
+  a = Find(a);
+  b = Find(b);
+  if (a == b) return;
+  Region& keep = regions_[static_cast<std::size_t>(std::min(a, b))];
+  Region& gone = regions_[static_cast<std::size_t>(std::max(a, b))];
+  keep.area += gone.area;
+  keep.evidence += gone.evidence;
+  keep.border = keep.border || gone.border;
+  gone.parent = keep.parent;
+}
+
+void RegionFilter::LabelRow(const cv::Mat1b& decision, const cv::Mat1b& evidence, int y, std::size_t above_begin) {
+  const std::uint8_t* side = decision.ptr<std::uint8_t>(y);
+  const std::uint8_t* own = evidence.ptr<std::uint8_t>(y);
+  constexpr int kLimit = static_cast<int>(3 / kEvidencePerByte);
+  const std::size_t above_end = stretches_.size();
+  std::size_t above = above_begin;
+  const int width = decision.cols;
+  for (int begin = 0; begin < width;) {
+    const bool actor = side[begin] > kNoEvidence;
+    int sum = 0;
+    int end = begin;
+    for (; end < width && (side[end] > kNoEvidence) == actor; ++end) {
+      sum += std::min(std::max(own[end] - kNoEvidence, -kLimit), kLimit);
+    }
+    const int region = static_cast<int>(regions_.size());
+    regions_.push_back({region, end - begin, static_cast<float>(sum) * kEvidencePerByte, actor,
+                        begin == 0 || end == width || y == 0 || y + 1 == decision.rows});
+    while (above < above_end && stretches_[above].end <= begin) ++above;
+    for (std::size_t i = above; i < above_end && stretches_[i].begin < end; ++i) {
+      if (regions_[static_cast<std::size_t>(stretches_[i].region)].actor == actor) Unite(region, stretches_[i].region);
+    }
+    stretches_.push_back({y, begin, end, region});
+    begin = end;
+  }
+}
+
+void RegionFilter::Run(const cv::Mat1b& evidence, const RegionConfig& config, cv::Mat1b* decision) {
+  MIX_CHECK(evidence.size() == decision->size());
+  stretches_.clear();
+  regions_.clear();
+  std::size_t above_begin = 0;
+  for (int y = 0; y < decision->rows; ++y) {
+    const std::size_t row_begin = stretches_.size();
+    LabelRow(*decision, evidence, y, above_begin);
+    above_begin = row_begin;
+  }
+  const auto pixels = static_cast<float>(decision->total());
+  // A pixel of clear actor holds 3 log-odds; hands seen alone need about half of that.
+  const float least = 1.5f * std::max(config.least_actor_share * pixels, 4.0f);
+  const float largest_hole = config.largest_hole_share * pixels;
+  for (const Stretch& s : stretches_) {
+    const Region& region = regions_[static_cast<std::size_t>(Find(s.region))];
+    const auto area = static_cast<float>(region.area);
+    const bool drop = region.actor && region.evidence < least;
+    // A small hole is filled unless its pixels clearly show the room.
+    const float doubt = area < 0.1f * largest_hole ? 2.0f : 1.0f;
+    const bool fill = !region.actor && !region.border && area < largest_hole && region.evidence > -doubt * area;
+    if (!drop && !fill) continue;
+    std::uint8_t* row = decision->ptr<std::uint8_t>(s.y);
+    std::fill(row + s.begin, row + s.end, static_cast<std::uint8_t>(drop ? 0 : 255));
+  }
+}
+
+}  // namespace mixstage

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/segmentation/shadow_texture.h"
+
+#include <algorithm>
+#include <opencv2/imgproc.hpp>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "server/segmentation/shadow_texture.cc"
+#include <hwy/foreach_target.h>  // IWYU pragma: keep
+#include <hwy/highway.h>
+
+#ifndef MIXSTAGE_SHADOW_TEXTURE_ROW_
+#define MIXSTAGE_SHADOW_TEXTURE_ROW_
+namespace mixstage {
+
+struct TextureRow {  // one row at half resolution in, every second pixel out
+  const std::uint8_t* r;
+  const std::uint8_t* g;
+  const std::uint8_t* b;
+  const float* room;
+  float* now_now;
+  float* now_room;
+  float* room_room;
+};
+
+}  // namespace mixstage
+#endif
+
+HWY_BEFORE_NAMESPACE();
+namespace mixstage {
+namespace HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+// Adds a row's products to `out` (first = 0) or on top of it (first = 1: keep); every second column is enough, since
+// the window that follows covers 6x6 of these pixels and neighbours are already means of four samples.
+void AddProducts(const TextureRow& row, int width, float gain, float offset, float keep) {
+  const hn::ScalableTag<float> d;
+  const hn::Rebind<std::int32_t, decltype(d)> d32;
+  const hn::Rebind<std::uint8_t, decltype(d)> d8;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  int x = 0;
+  for (; x + lanes <= width / 2; x += lanes) {
+    const auto even = [&](const std::uint8_t* plane) {
+      hn::Vec<decltype(d8)> first, second;
+      hn::LoadInterleaved2(d8, plane + 2 * x, first, second);
+      return hn::ConvertTo(d, hn::PromoteTo(d32, first));
+    };
+    const auto now = hn::MulAdd(
+        even(row.r), hn::Set(d, 0.299f),
+        hn::MulAdd(even(row.g), hn::Set(d, 0.587f), hn::Mul(even(row.b), hn::Set(d, 0.114f))));
+    hn::Vec<decltype(d)> mean, unused;
+    hn::LoadInterleaved2(d, row.room + 2 * x, mean, unused);
+    const auto room = hn::MulAdd(mean, hn::Set(d, gain), hn::Set(d, offset));
+    const auto kept = hn::Set(d, keep);
+    hn::StoreU(hn::MulAdd(now, now, hn::Mul(kept, hn::LoadU(d, row.now_now + x))), d, row.now_now + x);
+    hn::StoreU(hn::MulAdd(now, room, hn::Mul(kept, hn::LoadU(d, row.now_room + x))), d, row.now_room + x);
+    hn::StoreU(hn::MulAdd(room, room, hn::Mul(kept, hn::LoadU(d, row.room_room + x))), d, row.room_room + x);
+  }
+  for (; x < (width + 1) / 2; ++x) {
+    const float now = 0.299f * row.r[2 * x] + 0.587f * row.g[2 * x] + 0.114f * row.b[2 * x];
+    const float room = row.room[2 * x] * gain + offset;
+    row.now_now[x] = row.now_now[x] * keep + now * now;
+    row.now_room[x] = row.now_room[x] * keep + now * room;
+    row.room_room[x] = row.room_room[x] * keep + room * room;
+  }
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace mixstage
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace mixstage {
+
+HWY_EXPORT(AddProducts);
+
+void ShadowTexture::Run(const HalfPicture& picture, const BackgroundModel& model, const ToneChange& tone,
+                        cv::Mat1f* texture) {
+  const int rows = Half(picture.height());
+  const int columns = Half(picture.width());
+  for (cv::Mat1f* plane : {&now_now_, &now_room_, &room_room_}) {
+    if (plane->rows == rows && plane->cols == columns) continue;
+    plane->create(rows, columns);
+    plane->setTo(0);
+  }
+  texture->create(rows, columns);
+  for (int y = 0; y < rows; ++y) {
+    for (int k = 0; k < 2; ++k) {
+      const int from = std::min(2 * y + k, picture.height() - 1);
+      const TextureRow row = {picture.r.ptr<std::uint8_t>(from), picture.g.ptr<std::uint8_t>(from),
+                              picture.b.ptr<std::uint8_t>(from), model.mean_luma.ptr<float>(from),
+                              now_now_.ptr<float>(y),
+                              now_room_.ptr<float>(y), room_room_.ptr<float>(y)};
+      // The last pair of an odd row is one pixel; it is read where it is.
+      HWY_DYNAMIC_DISPATCH(AddProducts)
+      (row, picture.width(), tone.luma_gain(), tone.luma_offset(), static_cast<float>(k));
+    }
+  }
+  for (cv::Mat1f* plane : {&now_now_, &now_room_, &room_room_}) {
+    cv::blur(*plane, *plane, {3, 3}, {-1, -1}, cv::BORDER_REPLICATE);
+  }
+  for (int y = 0; y < rows; ++y) {
+    const float* now_now = now_now_.ptr<float>(y);
+    const float* now_room = now_room_.ptr<float>(y);
+    const float* room_room = room_room_.ptr<float>(y);
+    const float* noise = model.texture_noise.ptr<float>(y);
+    float* __restrict out = texture->ptr<float>(y);
+    for (int x = 0; x < columns; ++x) {
+      const float s = now_room[x] / std::max(room_room[x], 1.0f);
+      const float residual = std::max(now_now[x] - s * now_room[x], 0.0f);
+      // JPEG and penumbrae add a few per cent of the texture's own contrast.
+      const float expected = noise[x] + 0.0036f * s * s * room_room[x] + 2.0f;
+      out[x] = 0.8f * std::clamp(residual / expected - 1.0f, 0.0f, 6.0f);
+    }
+  }
+}
+
+}  // namespace mixstage
+#endif  // HWY_ONCE

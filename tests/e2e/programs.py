@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Starts agents, servers and viewers as a studio would: real processes, real LCM, real sockets."""
+import json
+import os
+import pathlib
+import signal
+import socket
+import subprocess
+import time
+import urllib.request
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+DEMO = ROOT / "deploy" / "demo"
+
+
+def free_port():
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        return s.getsockname()[1]
+
+
+class Studio:
+    """One rig network and one server port; everything started here is killed on leaving the `with`."""
+
+    def __init__(self, build):
+        self.build = pathlib.Path(build)
+        self.port = free_port()
+        self.lcm = f"udpm://239.255.76.67:{free_port()}?ttl=0&recv_buf_size=4194304"
+        self.url = f"http://127.0.0.1:{self.port}/"
+        self.running = []
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *unused):
+        for process in self.running:
+            if process.poll() is None:
+                process.kill()
+            process.wait()
+
+    def start(self, *command):
+        process = subprocess.Popen([str(c) for c in command], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        os.set_blocking(process.stderr.fileno(), False)
+        self.running.append(process)
+        return process
+
+    def agent(self, source="synthetic", *more):
+        return self.start(self.build / "mixstage-agent", "--source", source, "--lcm", self.lcm, "--log-level", "warn", *more)
+
+    def server(self, *more, rig=DEMO / "rig.json", scene=DEMO / "scene.yaml"):
+        command = [self.build / "mixstage-server", "--log-level", "warn", "run", "--listen", f"127.0.0.1:{self.port}",
+                   "--lcm", self.lcm, "--rig", rig]
+        if scene:
+            command += ["--scene", scene]
+        process = self.start(*command, *more)
+        self.wait_for(self.healthy, 20, "the server does not answer")
+        return process
+
+    def healthy(self):
+        try:
+            with urllib.request.urlopen(self.url + "healthz", timeout=1) as answer:
+                return json.load(answer)
+        except OSError:
+            return None
+
+    def metrics(self):
+        with urllib.request.urlopen(self.url + "metrics", timeout=2) as answer:
+            text = answer.read().decode()
+        values = {}
+        for line in text.splitlines():
+            if line and not line.startswith("#"):
+                name, value = line.rsplit(" ", 1)
+                values[name] = float(value)
+        return values
+
+    def view(self, seconds, expect=0):
+        """mixstage-view for some seconds; its JSON line."""
+        run = subprocess.run([str(self.build / "mixstage-view"), self.url, "--seconds", str(seconds)], capture_output=True,
+                             text=True, timeout=seconds + 60)
+        assert run.returncode == expect, f"mixstage-view ended with {run.returncode}: {run.stderr.strip()}"
+        return json.loads(run.stdout.strip().splitlines()[-1]) if expect == 0 else run.stderr
+
+    @staticmethod
+    def wait_for(condition, seconds, why):
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            value = condition()
+            if value:
+                return value
+            time.sleep(0.05)
+        raise AssertionError(f"{why} within {seconds} s")
+
+
+def crash(process):
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+
+
+def resident_mb(process):
+    for line in open(f"/proc/{process.pid}/status"):
+        if line.startswith("VmRSS"):
+            return int(line.split()[1]) / 1024
+    return 0
+
+
+def run_all(tests):
+    """Prints ok, FAIL or SKIP for each test function; the number that failed."""
+    failed = 0
+    for test in tests:
+        try:
+            note = test()
+            print(f"ok {test.__name__}" + (f" ({note})" if note else ""), flush=True)
+        except Exception as error:  # a test's own failure, whatever it is, is one line
+            failed += 1
+            print(f"FAIL {test.__name__}: {type(error).__name__} {error}", flush=True)
+    return failed

@@ -1,0 +1,98 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""`process` on the recordings of the shared test data, scored by its evaluators; skipped where the data is missing.
+
+recordings.py BUILD_DIR [OUT_DIR]      OUT_DIR keeps the pictures
+"""
+import json
+import pathlib
+import subprocess
+import sys
+import tempfile
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+SHARED = ROOT.parent / "shared"
+DATA, TOOLS = SHARED / "data", SHARED / "tools"
+BUILD = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "build").resolve()
+OUT = pathlib.Path(sys.argv[2]).resolve() if len(sys.argv) > 2 else pathlib.Path(tempfile.mkdtemp(prefix="mixstage-recordings-"))
+PYTHON = "/usr/bin/python3"  # Debian's: python3-opencv belongs to it
+
+
+def process(take, name, *more):
+    out = OUT / name
+    run = subprocess.run([str(BUILD / "mixstage-server"), "--log-level", "error", "process", "--take", str(take), "--out", str(out),
+                          "--export", "composite,depth,alpha,label,cg_alpha,report", "--json", *map(str, more)],
+                         capture_output=True, text=True, timeout=900)
+    assert run.returncode == 0, f"exit {run.returncode}: {run.stderr.strip()}"
+    return out, json.loads(run.stdout)
+
+
+def evaluate(tool, *arguments):
+    run = subprocess.run([PYTHON, str(TOOLS / tool), *map(str, arguments), "--json"], capture_output=True, text=True, timeout=900)
+    assert run.returncode == 0, f"{tool}: {run.stdout} {run.stderr}"
+    return json.loads(run.stdout)
+
+
+def still_scene(name):
+    take = DATA / "real" / name
+    out, report = process(take, name)
+    score = evaluate("evaluate_static.py", out, take)
+    assert score["still_flagged_percent"] <= 1.0, score
+    assert score["changed_called_percent"] >= 85.0, score
+    return f'still flagged {score["still_flagged_percent"]:.2f} %, changed called {score["changed_called_percent"]:.1f} %, {report["room"]}'
+
+
+def people_are_keyed_and_the_room_is_not():
+    return still_scene("rgbd_person")
+
+
+def hands_over_a_desk_are_keyed_without_any_empty_frame():
+    return still_scene("rgbd_desk")
+
+
+def every_recording_plays():
+    played = []
+    for take in sorted(p.parent for p in (DATA / "real").glob("*/rgb.txt")) + sorted(p.parent for p in (DATA / "real").glob("*/*/rgb.txt")):
+        if take.name == "clean_plate":
+            continue
+        report = process(take, f"plays/{take.name}")[1]
+        assert report["frames"] > 0
+        played.append(f'{take.name} {report["frames"]}')
+    assert len(played) >= 5, played
+    return ", ".join(played)
+
+
+def the_actor_of_a_photoreal_studio_is_cut_out_and_occludes():
+    studio = DATA / "studio_a"
+    truth = studio / "ground_truth"
+    out, report = process(studio / "take_static", "studio", "--rig", truth / "rig.json", "--scene", studio / "objects" / "scene_camera.yaml")
+    matte = evaluate("evaluate_matte.py", out, truth / "matte_static", "--shadow", truth / "shadow_static")
+    composite = evaluate("evaluate_composite.py", out, truth / "composite", truth / "cg_alpha", studio / "take_static" / "rgb")
+    depth = evaluate("evaluate_depth.py", out / "depth", truth / "depth_static", "--mask", truth / "matte_static")
+    assert matte["F"] >= 0.97 and matte["boundary_mean_px"] <= 3.0, matte
+    assert composite["order_error"] <= 0.02, composite
+    return (f'F {matte["F"]:.4f}, boundary {matte["boundary_mean_px"]:.2f} px, order error {100 * composite["order_error"]:.2f} %, '
+            f'composite {composite["psnr_whole"]:.1f} dB, depth {depth}, {report["total"]["core_ms_per_frame"]:.1f} core-ms')
+
+
+def two_runs_give_the_same_bytes():
+    take = DATA / "real" / "rgbd_desk"
+    first = process(take, "first", "--frames", "0:6")[0]
+    second = process(take, "second", "--frames", "0:6")[0]
+    files = sorted(p.relative_to(first) for p in first.rglob("*.png"))
+    assert len(files) == 30, len(files)
+    for file in files:
+        assert (first / file).read_bytes() == (second / file).read_bytes(), file
+
+
+TESTS = [every_recording_plays, people_are_keyed_and_the_room_is_not, hands_over_a_desk_are_keyed_without_any_empty_frame,
+         the_actor_of_a_photoreal_studio_is_cut_out_and_occludes, two_runs_give_the_same_bytes]
+
+if __name__ == "__main__":
+    if not DATA.is_dir():
+        for test in TESTS:
+            print(f"SKIP {test.__name__}: the shared test data is not beside this checkout ({DATA})")
+        sys.exit(0)
+    sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+    from programs import run_all
+    sys.exit(1 if run_all(TESTS) else 0)

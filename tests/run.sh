@@ -1,0 +1,57 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# Installs, builds and runs every test. The last line is "N passed, M failed, K skipped".
+#
+#   tests/run.sh             all
+#   tests/run.sh FILTER      parts whose name contains FILTER (repo, unit, page, e2e, data, browser); anything else is a
+#                            gtest filter: tests/run.sh 'DepthCodec*'
+set -uo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+cd "$root"
+filter=${1:-}
+case $filter in -h | --help) sed -n '3,8s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; exit 0 ;; esac
+
+parts=(repo unit page e2e data browser)
+chosen=() gtest_filter='*'
+for part in "${parts[@]}"; do [[ $part == *"$filter"* ]] && chosen+=("$part"); done
+if [ ${#chosen[@]} = 0 ]; then chosen=(unit) gtest_filter=$filter; fi
+
+passed=0 failed=0 skipped=0
+finish() { echo "$passed passed, $failed failed, $skipped skipped"; [ "$failed" = 0 ] && exit 0; exit 1; }
+
+if ! deploy/install.sh || ! deploy/build.sh; then
+  echo "FAIL build"
+  failed=1
+  finish
+fi
+
+# Runs a command that prints "ok NAME", "FAIL NAME: why" and "SKIP NAME: why" lines, and adds them up. A command that
+# fails without saying what counts as one failure.
+tally() {
+  local name=$1 log code before=$failed
+  shift
+  log=$(mktemp)
+  echo "== $name"
+  "$@" 2>&1 | tee "$log"
+  code=${PIPESTATUS[0]}
+  passed=$((passed + $(grep -c '^ok ' "$log")))
+  failed=$((failed + $(grep -c '^FAIL ' "$log")))
+  skipped=$((skipped + $(grep -c '^SKIP ' "$log")))
+  if [ "$code" != 0 ] && [ "$failed" = "$before" ]; then
+    echo "FAIL $name: exit code $code"
+    failed=$((failed + 1))
+  fi
+  rm -f "$log"
+}
+
+for part in "${chosen[@]}"; do
+  case $part in
+    repo) tally repo tests/repo/run.sh ;;
+    unit) tally unit tests/support/run_gtest.py build/tests/mixstage_tests "$gtest_filter" ;;
+    page) tally page tests/support/run_page_tests.sh ;;
+    e2e) tally e2e python3 tests/e2e/run.py build ;;
+    data) tally data python3 tests/e2e/recordings.py build ;;
+    browser) tally browser tests/browser/run.sh build ;;
+  esac
+done
+finish

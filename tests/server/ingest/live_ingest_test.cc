@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/ingest/live_ingest.h"
+
+#include <gtest/gtest.h>
+
+namespace mixstage {
+namespace {
+
+// A head of 16x16 colour and 8x8 depth whose pictures are fed slice by slice.
+class LiveIngestTest : public testing::Test {
+ protected:
+  LiveIngestTest() : rig_(SmallRig()), ingest_(rig_, out_) {}
+
+  static Rig SmallRig() {
+    Rig rig = AssumedRig(16, 16, 0.001);
+    rig.registered = false;
+    rig.depth->camera.width = rig.depth->camera.height = 8;
+    return rig;
+  }
+  void SendColor(std::int64_t sequence, std::int64_t t_us, std::int64_t epoch = 7) {
+    YuvImage image;
+    image.Create(16, 16, ChromaLayout::k420);
+    image.y.setTo(sequence);
+    image.cb.setTo(128);
+    image.cr.setTo(128);
+    EncodedFrame frame{.epoch = epoch, .t_us = t_us, .sequence = sequence, .width = 16, .height = 16, .bytes = {}};
+    ASSERT_TRUE(JpegEncoder().Encode(image, 90, frame.bytes));
+    Send(frame, t_us + kTravelUs);
+  }
+  void SendDepth(std::int64_t sequence, std::int64_t t_us, int side = 8) {
+    EncodedFrame frame{.epoch = 7, .t_us = t_us, .sequence = sequence, .stream = Stream::kDepth,
+                       .encoding = Encoding::kDepth16, .width = side, .height = side, .bytes = {}};
+    DepthEncoder().Encode(View(cv::Mat1w(side, side, static_cast<std::uint16_t>(sequence + 1))), frame.bytes);
+    Send(frame, t_us + kTravelUs);
+  }
+  void Send(const EncodedFrame& frame, std::int64_t now_us) {
+    CutIntoSlices(frame, [&](const mixstage_lcm::frame_slice_t& s) { ingest_.OnSlice(s, now_us); });
+  }
+  std::shared_ptr<const CapturedFrame> Newest() { return *out_.Take(); }
+
+  static constexpr std::int64_t kTravelUs = 400;
+  Rig rig_;
+  Mailbox<std::shared_ptr<const CapturedFrame>> out_;
+  LiveIngest ingest_;
+};
+
+TEST_F(LiveIngestTest, ColourGetsTheNewestDepthBeforeIt) {
+  SendDepth(0, 1000);
+  SendDepth(1, 81'000);
+  SendDepth(2, 161'000);
+  SendColor(0, 100'000);
+  const auto frame = Newest();
+  ASSERT_TRUE(frame->depth);
+  EXPECT_EQ(frame->depth->sequence, 1);
+  EXPECT_EQ(frame->capture_us - frame->depth->capture_us, 19'000);
+}
+
+TEST_F(LiveIngestTest, StaleDepthIsNoDepth) {
+  SendDepth(0, 1000);
+  SendColor(0, 5'000'000);
+  EXPECT_FALSE(Newest()->depth);
+}
+
+TEST_F(LiveIngestTest, GapsInTheSequenceAreLostPicturesAndKeepTheirNumber) {
+  SendColor(10, 0);
+  EXPECT_EQ(Newest()->frame, 0);
+  SendColor(13, 100'000);
+  EXPECT_EQ(Newest()->frame, 3);
+  EXPECT_EQ(ingest_.Status().drops.at("lost"), 2);
+}
+
+TEST_F(LiveIngestTest, AFrameNobodyTookIsLate) {
+  SendColor(0, 0);
+  SendColor(1, 33'000);
+  EXPECT_EQ(Newest()->frame, 1);
+  EXPECT_EQ(ingest_.Status().drops.at("late"), 1);
+}
+
+TEST_F(LiveIngestTest, ASecondAgentIsIgnoredUntilTheFirstFallsSilent) {
+  SendColor(0, 0);
+  Newest();
+  SendColor(0, 100'000, 8);
+  EXPECT_EQ(ingest_.Status().drops.at("other_agent"), 1);
+  SendColor(1, 2'000'000, 8);
+  EXPECT_EQ(Newest()->epoch, 8);
+}
+
+TEST_F(LiveIngestTest, PicturesOfAnotherSizeAreCountedDrops) {
+  SendDepth(0, 0, 9);
+  EXPECT_EQ(ingest_.Status().drops.at("depth_size_not_rig"), 1);
+  EncodedFrame frame{.epoch = 7, .t_us = 5, .sequence = 0, .width = 16, .height = 16, .bytes = {1, 2, 3}};
+  Send(frame, 10);
+  EXPECT_EQ(ingest_.Status().drops.at("bad_jpeg"), 1);
+}
+
+TEST_F(LiveIngestTest, AgentsNamesAreMadeHarmless) {
+  mixstage_lcm::agent_health_t health{};
+  health.epoch = 7;
+  const std::string name = "head\"\n\x01";
+  std::copy(name.begin(), name.end(), health.name);
+  ingest_.OnHealth(health, 5);
+  ASSERT_EQ(ingest_.Status().agents.size(), 1u);
+  EXPECT_EQ(ingest_.Status().agents[0].name, "head???");
+  for (std::int64_t epoch = 1; epoch < 100; ++epoch) {
+    health.epoch = epoch;
+    ingest_.OnHealth(health, epoch);
+  }
+  EXPECT_LE(ingest_.Status().agents.size(), 8u);
+}
+
+}  // namespace
+}  // namespace mixstage

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A viewer in C++: connects to a server's /watch (SPEC.md 4), decodes both streams, keeps the server's clock,
+// and comes back after the server did.
+//
+//   Result<std::unique_ptr<WatchClient>> client = WatchClient::Create(
+//       {.url = "http://localhost:8090/"},
+//       {.on_depth = [](const DepthPicture& picture, const PictureArrival&) { Use(picture.depth_m); }});
+//   if (client) (*client)->Run(stop_token);   // blocks until stop is requested
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <stop_token>
+#include <string>
+
+#include "proto/base/result.h"
+#include "proto/watch/text_message.h"
+#include "viewer_client/native/stream_decoder.h"
+
+namespace mixstage {
+
+struct WatchClientConfig {
+  std::string url{};  // http://HOST[:PORT][/...] or ws://...: the page's address will do
+  WatchSubscribe streams{.color = true, .depth = true};
+  double connect_timeout_s = 5;      // 0.1 .. 60
+  double silence_timeout_s = 10;     // nothing from the server for so long: connect again. 1 .. 600
+  double shortest_backoff_s = 0.25;  // before the first new attempt; doubles up to longest_backoff_s
+  double longest_backoff_s = 4;
+};
+
+struct PictureArrival {
+  // The server's clock when the picture was decoded; nothing before the first answered ping. Minus
+  // header.capture_us it is the latency.
+  std::optional<std::int64_t> decoded_server_us{};
+  std::size_t message_bytes = 0;
+};
+
+// All are called on the thread that is in Run(); any may be empty.
+struct WatchCallbacks {
+  std::function<void(const ColorPicture&, const PictureArrival&)> on_color{};
+  std::function<void(const DepthPicture&, const PictureArrival&)> on_depth{};
+  std::function<void(const WatchHello&)> on_hello{};
+  std::function<void(const WatchStats&)> on_stats{};
+  // A picture message that was refused (WatchRefusal) or could not be decoded; a key frame is asked for.
+  std::function<void(WatchStream)> on_undecodable{};
+  std::function<void()> on_connected{};
+  std::function<void(const std::string& why)> on_disconnected{};  // also an attempt that failed
+};
+
+class WatchClient {
+ public:
+  // Fails with kInvalidConfig on a URL that cannot be watched and values out of range.
+  static Result<std::unique_ptr<WatchClient>> Create(WatchClientConfig config, WatchCallbacks callbacks);
+  virtual ~WatchClient() = default;
+
+  // Connects and reads, again and again, until `stop` is requested. One call at a time.
+  virtual void Run(std::stop_token stop) = 0;
+
+ protected:
+  WatchClient() = default;
+};
+
+struct WatchUrl {
+  std::string host;  // without brackets
+  std::string port;
+  std::string host_header;
+};
+// Fails (kInvalidConfig) on other schemes (https, wss: the server has no TLS yet), an empty host, a bad port.
+Result<WatchUrl> ParseWatchUrl(const std::string& url);
+
+}  // namespace mixstage

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+import {
+  FieldError,
+  amountAt,
+  countersAt,
+  numberAt,
+  recordOf,
+  recordsAt,
+  textAt,
+  type JsonRecord,
+} from './json_fields';
+
+export const kServerStates = ['live', 'learning', 'no_agent', 'stalled', 'no_depth'] as const;
+export type ServerState = (typeof kServerStates)[number];
+
+export interface StageTime {
+  name: string;
+  budget_ms: number;
+  wall_ms: number;
+  cpu_ms: number;
+}
+
+export interface AgentHealth {
+  epoch: string;
+  name: string;
+  age_s: number;
+  color_fps: number;
+  depth_fps: number;
+  drops: number;
+  queue: number;
+  encode_ms: number;
+  lost: number;
+}
+
+/** SPEC 4.2 `stats`, twice a second. */
+export interface Stats {
+  server_us: number;
+  state: ServerState;
+  /** The sentence a person reads; empty when live. */
+  message: string;
+  fps: number;
+  frames: number;
+  width: number;
+  height: number;
+  /** Capture to encoded over the last 10 s. */
+  latency_ms: { p50: number; p99: number };
+  bitrate_bps: number;
+  viewers: number;
+  /** Since the server's start, by reason. */
+  drops: ReadonlyMap<string, number>;
+  stages: StageTime[];
+  agents: AgentHealth[];
+  depth_age_s: number;
+}
+
+function stateOf(record: JsonRecord): ServerState {
+  const state = kServerStates.find((known) => known === record['state']);
+  if (state === undefined) throw new FieldError(`state is none of ${kServerStates.join(', ')}`);
+  return state;
+}
+
+function stageOf(record: JsonRecord): StageTime {
+  return {
+    name: textAt(record, 'name'),
+    budget_ms: amountAt(record, 'budget_ms'),
+    wall_ms: amountAt(record, 'wall_ms'),
+    cpu_ms: amountAt(record, 'cpu_ms'),
+  };
+}
+
+function agentOf(record: JsonRecord): AgentHealth {
+  return {
+    epoch: textAt(record, 'epoch'),
+    name: textAt(record, 'name'),
+    age_s: amountAt(record, 'age_s'),
+    color_fps: amountAt(record, 'color_fps'),
+    depth_fps: amountAt(record, 'depth_fps'),
+    drops: amountAt(record, 'drops'),
+    queue: amountAt(record, 'queue'),
+    encode_ms: amountAt(record, 'encode_ms'),
+    lost: amountAt(record, 'lost'),
+  };
+}
+
+/** Throws `FieldError` naming the field. */
+export function statsOf(record: JsonRecord): Stats {
+  const latency = recordOf(record['latency_ms'], 'latency_ms');
+  return {
+    server_us: numberAt(record, 'server_us'),
+    state: stateOf(record),
+    message: textAt(record, 'message'),
+    fps: amountAt(record, 'fps'),
+    frames: amountAt(record, 'frames'),
+    width: amountAt(record, 'width'),
+    height: amountAt(record, 'height'),
+    latency_ms: { p50: numberAt(latency, 'p50'), p99: numberAt(latency, 'p99') },
+    bitrate_bps: amountAt(record, 'bitrate_bps'),
+    viewers: amountAt(record, 'viewers'),
+    drops: countersAt(record, 'drops'),
+    stages: recordsAt(record, 'stages').map(stageOf),
+    agents: recordsAt(record, 'agents').map(agentOf),
+    depth_age_s: numberAt(record, 'depth_age_s'),
+  };
+}
