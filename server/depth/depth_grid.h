@@ -16,7 +16,9 @@ struct GridShape {
   static constexpr int kBorder = 8;  // left and right of every row, one row above and below
   int width = 0, height = 0;
   [[nodiscard]] std::ptrdiff_t stride() const { return width + 2 * kBorder; }
-  [[nodiscard]] std::size_t size() const { return static_cast<std::size_t>(stride()) * static_cast<std::size_t>(height + 2); }
+  [[nodiscard]] std::size_t size() const {
+    return static_cast<std::size_t>(stride()) * static_cast<std::size_t>(height + 2);
+  }
   [[nodiscard]] std::ptrdiff_t At(int x, int y) const { return (y + 1) * stride() + kBorder + x; }
 };
 
@@ -37,15 +39,17 @@ class GridPicture {
   std::vector<T> values_;
 };
 
-// What of a cell (the quad between pixels (x, y) and (x + 1, y + 1)) belongs to the surface. Its two triangles meet in
-// the diagonal top right - bottom left: kUpper has the corner top left, kLower bottom right. kTurned: the other
-// diagonal, a quarter turn clockwise, so that kUpper has the corner top right and kLower bottom left.
+// What of a cell (the quad between pixels (x, y) and (x + 1, y + 1)) belongs to the surface. Its two
+// triangles meet in the diagonal top right - bottom left: kUpper has the corner top left, kLower bottom
+// right. kTurned: the other diagonal, a quarter turn clockwise, so that kUpper has the corner top right and
+// kLower bottom left.
 enum Cell : std::uint8_t {
   kUpper = 1,
   kLower = 2,
   kTurned = 4,
   kWhole = kUpper | kLower,
-  kTorn = 8,  // part of it is missing although a corner was measured: nothing behind that corner can be trusted here
+  kTorn = 8,  // part of it is missing although a corner was measured: nothing behind that corner can be
+              // trusted here
 };
 
 }  // namespace mixstage::depth

@@ -31,15 +31,17 @@ Result<DepthSignal> DepthSignal::Create(const DepthCamera& depth, double max_dep
     for (int x = 0; x < signal.rays_.cols; ++x) {
       const cv::Vec2f& ray = signal.rays_(y, x);
       if (!std::isfinite(ray[0]) || !std::isfinite(ray[1])) continue;
-      signal.z_per_metre_(y, x) =
-          depth.measures == DepthMeasure::kRange ? 1.0f / std::sqrt(1 + ray[0] * ray[0] + ray[1] * ray[1]) : 1.0f;
+      signal.z_per_metre_(y, x) = depth.measures == DepthMeasure::kRange
+                                      ? 1.0f / std::sqrt(1 + ray[0] * ray[0] + ray[1] * ray[1])
+                                      : 1.0f;
     }
   }
   return signal;
 }
 
 void DepthSignal::ToDepth(ImageView<const std::uint16_t> raw, ImageView<float> z_m) const {
-  MIX_CHECK(raw.width() == width() && raw.height() == height() && z_m.width() == width() && z_m.height() == height());
+  MIX_CHECK(raw.width() == width() && raw.height() == height() && z_m.width() == width() &&
+            z_m.height() == height());
   for (int y = 0; y < height(); ++y) {
     const std::uint16_t* counts = raw.row(y);
     const float* scale = z_per_metre_.ptr<float>(y);

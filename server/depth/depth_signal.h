@@ -13,17 +13,18 @@
 
 namespace mixstage {
 
-// Count -> reported range -> true range (systematic error removed) -> z along the axis of the depth camera. Phase
-// wrap is not resolved here: a reported range at or beyond the unambiguous one cannot come from the sensor and counts
-// as no measurement. Immutable after Create; any thread.
+// Count -> reported range -> true range (systematic error removed) -> z along the axis of the depth camera.
+// Phase wrap is not resolved here: a reported range at or beyond the unambiguous one cannot come from the
+// sensor and counts as no measurement. Immutable after Create; any thread.
 class DepthSignal {
  public:
-  // Fails (kInvalidConfig, the field named) when the camera or unit_m is not valid or max_depth_m is not in 0..1000.
+  // Fails (kInvalidConfig, the field named) when the camera or unit_m is not valid or max_depth_m is not in
+  // 0..1000.
   static Result<DepthSignal> Create(const DepthCamera& depth, double max_depth_m);
 
   // raw    [h x w]  counts, 0 = no measurement
-  // z_m    [h x w]  out: metres, 0 = no measurement, no ray (beyond the lens's fold) or farther than max_depth_m
-  // Both of the camera's size (checked). Allocates nothing.
+  // z_m    [h x w]  out: metres, 0 = no measurement, no ray (beyond the lens's fold) or farther than
+  // max_depth_m Both of the camera's size (checked). Allocates nothing.
   void ToDepth(ImageView<const std::uint16_t> raw, ImageView<float> z_m) const;
 
   // What a count means, in metres as the sensor measures (range or z); 0 = no measurement.

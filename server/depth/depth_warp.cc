@@ -18,10 +18,12 @@ constexpr double kAspectTolerance = 0.01;
 
 std::string Size(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
 
-Status CheckSize(const std::string& what, int width, int height, const std::string& field, const PinholeCamera& c) {
+Status CheckSize(const std::string& what, int width, int height, const std::string& field,
+                 const PinholeCamera& c) {
   if (width == c.width && height == c.height) return {};
-  return Fail(ErrorCode::kBadInput, what + " is " + Size(width, height) + " where the rig's " + field + " says " +
-                                        Size(c.width, c.height) + ": wrong rig.json for this camera");
+  return Fail(ErrorCode::kBadInput, what + " is " + Size(width, height) + " where the rig's " + field +
+                                        " says " + Size(c.width, c.height) +
+                                        ": wrong rig.json for this camera");
 }
 
 }  // namespace
@@ -38,16 +40,20 @@ class DepthWarp::MeshWay final : public DepthWarp::Way {
   MeshWay(const Rig& rig, DepthSignal signal, const DepthWarpConfig& config)
       : depth_(rig.depth->camera),
         color_(rig.color),
-        warp_(rig, std::move(signal), {.step_sigmas = static_cast<float>(config.edge_sigmas)}, config.near_m) {}
+        warp_(rig, std::move(signal), {.step_sigmas = static_cast<float>(config.edge_sigmas)},
+              config.near_m) {}
 
   Status Run(ImageView<const std::uint16_t> raw, ImageView<const std::uint16_t> amplitude,
              ImageView<float> depth_m) override {
-    if (auto ok = CheckSize("depth picture", raw.width(), raw.height(), "cameras.depth", depth_); !ok) return ok;
+    if (auto ok = CheckSize("depth picture", raw.width(), raw.height(), "cameras.depth", depth_); !ok)
+      return ok;
     if (!amplitude.empty()) {
-      auto ok = CheckSize("amplitude picture", amplitude.width(), amplitude.height(), "cameras.depth", depth_);
+      auto ok =
+          CheckSize("amplitude picture", amplitude.width(), amplitude.height(), "cameras.depth", depth_);
       if (!ok) return ok;
     }
-    if (auto ok = CheckSize("colour picture", depth_m.width(), depth_m.height(), "cameras.color", color_); !ok) {
+    if (auto ok = CheckSize("colour picture", depth_m.width(), depth_m.height(), "cameras.color", color_);
+        !ok) {
       return ok;
     }
     warp_.Run(raw, amplitude, depth_m);
@@ -66,7 +72,8 @@ class DepthWarp::RegisteredWay final : public DepthWarp::Way {
 
   Status Run(ImageView<const std::uint16_t> raw, ImageView<const std::uint16_t> /*amplitude*/,
              ImageView<float> depth_m) override {
-    if (auto ok = CheckSize("colour picture", depth_m.width(), depth_m.height(), "cameras.color", color_); !ok) {
+    if (auto ok = CheckSize("colour picture", depth_m.width(), depth_m.height(), "cameras.color", color_);
+        !ok) {
       return ok;
     }
     const double across = double{1} * raw.width() * color_.height;
@@ -77,7 +84,9 @@ class DepthWarp::RegisteredWay final : public DepthWarp::Way {
                                             Size(color_.width, color_.height));
     }
     // Pixel centres are integers: u + 0.5 of the width stands for (u + 0.5) w_depth / w_color of the other.
-    auto nearest = [](int u, int from, int to) { return static_cast<int>((2ll * u + 1) * to / (2ll * from)); };
+    auto nearest = [](int u, int from, int to) {
+      return static_cast<int>((2ll * u + 1) * to / (2ll * from));
+    };
     columns_.resize(static_cast<std::size_t>(color_.width));
     for (int u = 0; u < color_.width; ++u) {
       columns_[static_cast<std::size_t>(u)] = nearest(u, color_.width, raw.width());

@@ -125,7 +125,8 @@ void GridCorners::Resize(std::size_t count) {
 void ProjectCornersScalar(const raster::RasterLens& lens, const float t[3], const CornerRays& rays,
                           const float* depth_z, std::size_t first, std::size_t count, GridCorners& out) {
   for (std::size_t i = first; i < first + count; ++i) {
-    const Eigen::Vector3f p(rays.x[i] * depth_z[i] + t[0], rays.y[i] * depth_z[i] + t[1], rays.z[i] * depth_z[i] + t[2]);
+    const Eigen::Vector3f p(rays.x[i] * depth_z[i] + t[0], rays.y[i] * depth_z[i] + t[1],
+                            rays.z[i] * depth_z[i] + t[2]);
     const raster::ProjectedVertex v = lens.Project(p);
     out.x[i] = v.x;
     out.y[i] = v.y;

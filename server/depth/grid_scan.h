@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The regular grid's way through the rasteriser: its corners move along fixed rays, and a cell's two triangles are
-// scanned together. No index, no gather, no bins. The scalar code is the specification; the vector code gives the
-// same bits.
+// The regular grid's way through the rasteriser: its corners move along fixed rays, and a cell's two
+// triangles are scanned together. No index, no gather, no bins. The scalar code is the specification; the
+// vector code gives the same bits.
 #pragma once
 
 #include <cstddef>
@@ -26,14 +26,15 @@ struct GridCorners {
   void Resize(std::size_t count);
 };
 
-// Projects corners first .. first + count - 1. Corners with depth_z = 0 get an outcode != 0 or a place that no
-// cell uses. Vector code may write up to 7 corners more.
-void ProjectCorners(const raster::RasterLens& lens, const float t[3], const CornerRays& rays, const float* depth_z,
-                    std::size_t first, std::size_t count, GridCorners& out);
+// Projects corners first .. first + count - 1. Corners with depth_z = 0 get an outcode != 0 or a place that
+// no cell uses. Vector code may write up to 7 corners more.
+void ProjectCorners(const raster::RasterLens& lens, const float t[3], const CornerRays& rays,
+                    const float* depth_z, std::size_t first, std::size_t count, GridCorners& out);
 void ProjectCornersScalar(const raster::RasterLens& lens, const float t[3], const CornerRays& rays,
                           const float* depth_z, std::size_t first, std::size_t count, GridCorners& out);
 
-// Cell i has the corners at [i] of top left, top right, bottom left, bottom right and the parts cells[i] (enum Cell).
+// Cell i has the corners at [i] of top left, top right, bottom left, bottom right and the parts cells[i]
+// (enum Cell).
 struct CellRun {
   struct Corner {
     const std::int32_t* x;
@@ -46,9 +47,9 @@ struct CellRun {
   std::size_t count;
 };
 
-// Draws the parts that face the colour camera (seen from behind, a surface measured from the depth camera is none),
-// nearest wins; the target's triangle ids are not used. Cells wider or higher than kMaxEdgePx are left out. Reads up
-// to 7 cells beyond count; writes up to kRowPadding - 1 elements right of x1.
+// Draws the parts that face the colour camera (seen from behind, a surface measured from the depth camera is
+// none), nearest wins; the target's triangle ids are not used. Cells wider or higher than kMaxEdgePx are left
+// out. Reads up to 7 cells beyond count; writes up to kRowPadding - 1 elements right of x1.
 void ScanCells(const CellRun& run, const raster::ScanTarget& target);
 void ScanCellsScalar(const CellRun& run, const raster::ScanTarget& target);
 

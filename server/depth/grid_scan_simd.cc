@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Vector twins of grid_scan.cc: set-up for as many cells as there are lanes, then one row of one cell (both triangles)
-// per vector. Remainders run over into padding.
+// Vector twins of grid_scan.cc: set-up for as many cells as there are lanes, then one row of one cell (both
+// triangles) per vector. Remainders run over into padding.
 
 // GCC fuses a product and a sum wherever the instruction set can; the scalar code's bits need them apart.
 #if defined(__GNUC__) && !defined(__clang__)
@@ -36,8 +36,8 @@ using rn::MI;
 using rn::VF;
 using rn::VI;
 
-void ProjectCornersImpl(const raster::RasterLens& lens, const float* t, const CornerRays& rays, const float* depth_z,
-                        std::size_t first, std::size_t count, GridCorners& out) {
+void ProjectCornersImpl(const raster::RasterLens& lens, const float* t, const CornerRays& rays,
+                        const float* depth_z, std::size_t first, std::size_t count, GridCorners& out) {
   const DF df;
   const DI di;
   for (std::size_t i = first; i < first + count; i += hn::Lanes(df)) {
@@ -54,7 +54,8 @@ void ProjectCornersImpl(const raster::RasterLens& lens, const float* t, const Co
   }
 }
 
-// Edges: diagonal (top right to bottom left), the two others of the upper triangle, the two others of the lower.
+// Edges: diagonal (top right to bottom left), the two others of the upper triangle, the two others of the
+// lower.
 struct alignas(64) CellLanes {
   float edge_c[5][kMaxLanes], edge_right[5][kMaxLanes], edge_down[5][kMaxLanes];
   float z_c[2][kMaxLanes], z_right[2][kMaxLanes], z_down[2][kMaxLanes];
@@ -78,9 +79,8 @@ HWY_INLINE void ScanOne(const CellLanes& s, std::size_t k, const ScanTarget& tar
   const VF lower_down = hn::Set(df, s.z_down[1][k]);
   for (int i = 0; i < columns; i += lanes) {
     const VF column = hn::Iota(df, static_cast<float>(i));
-    auto start = [&](const float* c, const float* right) HWY_ATTR {
-      return hn::Add(hn::Set(df, c[k]), hn::Mul(hn::Set(df, right[k]), column));
-    };
+    auto start = [&](const float* c, const float* right)
+                     HWY_ATTR { return hn::Add(hn::Set(df, c[k]), hn::Mul(hn::Set(df, right[k]), column)); };
     VF e0 = start(s.edge_c[0], s.edge_right[0]);
     VF e1 = start(s.edge_c[1], s.edge_right[1]);
     VF e2 = start(s.edge_c[2], s.edge_right[2]);
@@ -157,7 +157,9 @@ void ScanCellsOf(const CellRun& run, const ScanTarget& target) {
     replace(has_upper, 0, 3);
     replace(has_lower, 3, 0);
     const VI any = hn::Or(hn::Or(outcode[0], outcode[1]), hn::Or(outcode[2], outcode[3]));
-    live = hn::And(live, hn::Eq(hn::AndNot(hn::Set(di, std::int32_t{raster::kOutsideMask & ~raster::kNear}), any), zero));
+    live = hn::And(
+        live,
+        hn::Eq(hn::AndNot(hn::Set(di, std::int32_t{raster::kOutsideMask & ~raster::kNear}), any), zero));
 
     const VI min_x = hn::Min(hn::Min(x[0], x[1]), hn::Min(x[2], x[3]));
     const VI max_x = hn::Max(hn::Max(x[0], x[1]), hn::Max(x[2], x[3]));
@@ -198,8 +200,8 @@ void ScanCellsOf(const CellRun& run, const ScanTarget& target) {
     edge(3, 1, 3, lower);
     edge(4, 3, 2, lower);
     auto plane = [&](std::size_t to, std::size_t a, std::size_t b, std::size_t c, VI area) HWY_ATTR {
-      const rn::PlaneLanes lane = rn::SetUpPlane(x[a], y[a], inverse_z[a], x[b], y[b], inverse_z[b], x[c], y[c],
-                                                 inverse_z[c], area);
+      const rn::PlaneLanes lane =
+          rn::SetUpPlane(x[a], y[a], inverse_z[a], x[b], y[b], inverse_z[b], x[c], y[c], inverse_z[c], area);
       hn::Store(lane.c, df, s.z_c[to]);
       hn::Store(lane.right, df, s.z_right[to]);
       hn::Store(lane.down, df, s.z_down[to]);
@@ -250,8 +252,8 @@ HWY_EXPORT(ScanCellsImpl);
 HWY_EXPORT(EraseBehindCellsImpl);
 HWY_EXPORT(TakeDepthImpl);
 
-void ProjectCorners(const raster::RasterLens& lens, const float t[3], const CornerRays& rays, const float* depth_z,
-                    std::size_t first, std::size_t count, GridCorners& out) {
+void ProjectCorners(const raster::RasterLens& lens, const float t[3], const CornerRays& rays,
+                    const float* depth_z, std::size_t first, std::size_t count, GridCorners& out) {
   HWY_DYNAMIC_DISPATCH(ProjectCornersImpl)(lens, t, rays, depth_z, first, count, out);
 }
 void ScanCells(const CellRun& run, const raster::ScanTarget& target) {

@@ -43,7 +43,8 @@ void MeshWarp::Run(ImageView<const std::uint16_t> raw, ImageView<const std::uint
   DrawSurface();
   EraseBehindEdges();
   for (int y = 0; y < depth_m.height(); ++y) {
-    TakeDepth(inverse_z_.data() + y * target_.stride, depth_m.row(y), static_cast<std::size_t>(depth_m.width()));
+    TakeDepth(inverse_z_.data() + y * target_.stride, depth_m.row(y),
+              static_cast<std::size_t>(depth_m.width()));
   }
 }
 
@@ -51,7 +52,8 @@ void MeshWarp::DrawSurface() {
   const GridShape& shape = cut_.shape();
   for (int y = 0; y < shape.height; ++y) {
     const auto row = static_cast<std::size_t>(shape.At(0, y));
-    ProjectCorners(lens_, t_color_depth_, rays_, cut_.z().data(), row, static_cast<std::size_t>(shape.width), corners_);
+    ProjectCorners(lens_, t_color_depth_, rays_, cut_.z().data(), row, static_cast<std::size_t>(shape.width),
+                   corners_);
     if (y == 0) continue;
     // The row of cells above, now that both its rows of corners are there (and still in the cache).
     auto corner = [&](std::ptrdiff_t at) {
@@ -67,25 +69,30 @@ void MeshWarp::DrawSurface() {
   }
 }
 
-// The silhouette runs somewhere through a torn cell, and through parallax the colour camera may see background there
-// that the depth camera saw elsewhere: whatever lies behind the cell's nearest corner is unknown.
+// The silhouette runs somewhere through a torn cell, and through parallax the colour camera may see
+// background there that the depth camera saw elsewhere: whatever lies behind the cell's nearest corner is
+// unknown.
 void MeshWarp::EraseBehindEdges() {
   const GridShape& shape = cut_.shape();
   const std::ptrdiff_t offsets[4] = {0, 1, shape.stride(), shape.stride() + 1};
   std::size_t count = 0;
   auto room_for = [&](std::size_t cells) {
-    for (int k = 0; k < 4; ++k) torn_.rays[k].Resize(cells), torn_.corners[k].Resize(cells);
-    torn_.depth_z.resize(cells + 8, 0.0f);
+    for (int k = 0; k < 4; ++k) {
+      torn_.rays[k].Resize(cells);
+      torn_.corners[k].Resize(cells);
+      torn_.depth_z[k].resize(cells + 8, 0.0f);
+    }
     torn_.inverse_z_scale.resize(cells + 8, 0.0f);
     torn_.cells.resize(cells + 8, kWhole);
   };
+  const float* z = cut_.z().data();
   const float* median = cut_.median().data();
   const float* limit = cut_.step_limit().data();
   const std::uint8_t* valid = cut_.valid().data();
   for (int y = 0; y + 1 < shape.height; ++y) {
     const std::uint8_t* cells = cut_.cells().row(y);
     const std::size_t most = count + static_cast<std::size_t>(shape.width);
-    if (torn_.depth_z.size() < most + 8) room_for(2 * most);
+    if (torn_.cells.size() < most + 8) room_for(2 * most);
     for (int x = 0; x + 1 < shape.width; ++x) {
       if ((cells[x] & kTorn) == 0) continue;
       const std::ptrdiff_t at = shape.At(x, y);
@@ -100,10 +107,12 @@ void MeshWarp::EraseBehindEdges() {
         }
       }
       if (step == 0) continue;
-      torn_.depth_z[count] = nearest;
-      torn_.inverse_z_scale[count] = nearest / (nearest + step + kSlopeAcrossCell * cut_.pitch() * nearest);
+      const float behind = nearest + step + kSlopeAcrossCell * cut_.pitch() * nearest;
+      torn_.inverse_z_scale[count] = nearest / behind;
       for (int k = 0; k < 4; ++k) {
         const auto i = static_cast<std::size_t>(at + offsets[k]);
+        // Corners of the nearest surface stay where it was drawn, so that no seam opens between.
+        torn_.depth_z[k][count] = valid[i] != 0 && median[i] < behind ? z[i] : nearest;
         torn_.rays[k].x[count] = rays_.x[i];
         torn_.rays[k].y[count] = rays_.y[i];
         torn_.rays[k].z[count] = rays_.z[i];
@@ -115,7 +124,7 @@ void MeshWarp::EraseBehindEdges() {
   CellRun run{{}, torn_.cells.data(), count};
   for (int k = 0; k < 4; ++k) {
     GridCorners& corners = torn_.corners[k];
-    ProjectCorners(lens_, t_color_depth_, torn_.rays[k], torn_.depth_z.data(), 0, count, corners);
+    ProjectCorners(lens_, t_color_depth_, torn_.rays[k], torn_.depth_z[k].data(), 0, count, corners);
     // Where the cell is seen is decided by its depth; what lies behind it is what is farther by the margin.
     for (std::size_t i = 0; i < count; ++i) corners.inverse_z[i] *= torn_.inverse_z_scale[i];
     run.corners[k] = {corners.x.data(), corners.y.data(), corners.inverse_z.data(), corners.outcode.data()};

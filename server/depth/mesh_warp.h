@@ -10,13 +10,15 @@
 
 namespace mixstage::depth {
 
-// The mesh of DepthWarp: rays of the depth grid in the colour camera's frame, corners moved along them, cells scanned.
+// The mesh of DepthWarp: rays of the depth grid in the colour camera's frame, corners moved along them, cells
+// scanned.
 class MeshWarp {
  public:
   MeshWarp(const Rig& rig, DepthSignal signal, const SurfaceCutConfig& cut, double near_m);
 
   // Sizes are the rig's.
-  void Run(ImageView<const std::uint16_t> raw, ImageView<const std::uint16_t> amplitude, ImageView<float> depth_m);
+  void Run(ImageView<const std::uint16_t> raw, ImageView<const std::uint16_t> amplitude,
+           ImageView<float> depth_m);
 
   [[nodiscard]] const SurfaceCut& cut() const { return cut_; }
 
@@ -32,11 +34,12 @@ class MeshWarp {
   GridCorners corners_;
   std::vector<float> inverse_z_;  // of the colour picture, rows padded
   raster::ScanTarget target_;
-  // Torn cells of a picture: their four corners at the depth of the nearest.
+  // Torn cells of a picture, closed: corners that are not on the nearest surface at its depth.
   struct TornCells {
     CornerRays rays[4];
     GridCorners corners[4];
-    std::vector<float> depth_z, inverse_z_scale;
+    std::vector<float> depth_z[4];
+    std::vector<float> inverse_z_scale;
     std::vector<std::uint8_t> cells;
   } torn_;
 };

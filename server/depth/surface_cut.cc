@@ -106,9 +106,9 @@ void SurfaceCut::SetCells() {
       const auto turned_upper = static_cast<std::uint8_t>(top & right & ~(upper | lower));
       const auto turned_lower = static_cast<std::uint8_t>(bottom & left & ~(upper | lower));
       const auto any = static_cast<std::uint8_t>(above[x] | above[x + 1] | below[x] | below[x + 1]);
-      cells[x] = static_cast<std::uint8_t>(((upper | turned_upper) & kUpper) | ((lower | turned_lower) & kLower) |
-                                           ((turned_upper | turned_lower) & kTurned) |
-                                           (any & ~(upper & lower) & kTorn));
+      cells[x] = static_cast<std::uint8_t>(
+          ((upper | turned_upper) & kUpper) | ((lower | turned_lower) & kLower) |
+          ((turned_upper | turned_lower) & kTurned) | (any & ~(upper & lower) & kTorn));
     }
   }
 }

@@ -14,18 +14,21 @@ struct SurfaceCutConfig {
   float pixel_sigmas = 6.0f;  // a pixel so far from the median around it is flying (mixed) or spurious
 };
 
-// Decides on a 3x3 median of the picture (less than half the noise, edges kept) and leaves the geometry to the raw one.
+// Decides on a 3x3 median of the picture (less than half the noise, edges kept) and leaves the geometry to
+// the raw one.
 //
-// An edge between neighbours p, q is cut where the step exceeds the noise by more than the surface's own slope
-// explains: that on the flatter side of it or, up to 79 degrees from the ray (floors seen from standing height, to 5 m
-// for every metre of height), that on either side. Pixels at a step that mix two surfaces have a steep slope on one
-// side only, or a steeper one than surfaces have: they are cut from both and no triangle has them.
+// An edge between neighbours p, q is cut where the step exceeds the noise by more than the surface's own
+// slope explains: that on the flatter side of it or, up to 79 degrees from the ray (floors seen from standing
+// height, to 5 m for every metre of height), that on either side. Pixels at a step that mix two surfaces have
+// a steep slope on one side only, or a steeper one than surfaces have: they are cut from both and no triangle
+// has them.
 class SurfaceCut {
  public:
   SurfaceCut(const DepthSignal& signal, const SurfaceCutConfig& config);
 
   // raw: the sensor's picture; amplitude: same size, or empty. Results stay until the next call.
-  void Run(const DepthSignal& signal, ImageView<const std::uint16_t> raw, ImageView<const std::uint16_t> amplitude);
+  void Run(const DepthSignal& signal, ImageView<const std::uint16_t> raw,
+           ImageView<const std::uint16_t> amplitude);
 
   [[nodiscard]] const GridShape& shape() const { return shape_; }
   // z of the depth camera, metres, 0 = none; raw and median.

@@ -9,9 +9,15 @@ namespace {
 
 constexpr int kMostSamples = 8000;
 constexpr std::uint32_t kFewestInClass = 40;  // below it neighbouring classes are taken together
-constexpr float kSigmaOfMedian = 1.4826f;     // of absolute values, Gaussian
+// Noise grows at most with the square of the distance (triangulation): by this much in an octave of four
+// classes.
+constexpr int kOctave = 4;
+constexpr float kMostWithinOctave = 4;
+constexpr float kSigmaOfMedian = 1.4826f;  // of absolute values, Gaussian
 
-int LatticeStep(double pixels, double most) { return std::max(1, static_cast<int>(std::ceil(std::sqrt(pixels / most)))); }
+int LatticeStep(double pixels, double most) {
+  return std::max(1, static_cast<int>(std::ceil(std::sqrt(pixels / most))));
+}
 
 int MagnitudeOf(float metres) {
   const int index = static_cast<int>(std::bit_cast<std::uint32_t>(metres) >> 20) - ((127 - 14) << 3);
@@ -37,7 +43,8 @@ const SurfaceNoise& NoiseMeter::Measure(const GridShape& shape, ImageView<const 
     for (int x = 1; x + 1 < shape.width; x += lattice) {
       const float* m = smooth + x;
       if (!(measured[x] > 0 && m[-1] > 0 && m[1] > 0 && m[-down] > 0 && m[down] > 0)) continue;
-      const auto c = static_cast<std::size_t>(noise_.by_amplitude ? AmplitudeClass(amplitude.at(x, y)) : DepthClass(m[0]));
+      const auto c = static_cast<std::size_t>(noise_.by_amplitude ? AmplitudeClass(amplitude.at(x, y))
+                                                                  : DepthClass(m[0]));
       auto count = [&](Histogram& histogram, float metres) {
         ++histogram[c][static_cast<std::size_t>(MagnitudeOf(std::abs(metres)))];
       };
@@ -54,11 +61,23 @@ const SurfaceNoise& NoiseMeter::Measure(const GridShape& shape, ImageView<const 
   return noise_;
 }
 
-void NoiseMeter::MediansOf(const Histogram& histogram, float to_sigma, std::array<float, kNoiseClasses>& sigma) {
+void NoiseMeter::MediansOf(const Histogram& histogram, float to_sigma,
+                           std::array<float, kNoiseClasses>& sigma) {
   std::array<std::uint32_t, kNoiseClasses> total{};
   for (std::size_t c = 0; c < kNoiseClasses; ++c) {
     for (const std::uint32_t n : histogram[c]) total[c] += n;
   }
+  // Of classes low..high together, which hold so many samples.
+  auto median_m = [&](int low, int high, std::uint32_t samples) {
+    std::uint32_t below = 0;
+    int k = 0;
+    for (; k + 1 < kMagnitudes; ++k) {
+      for (int n = low; n <= high; ++n)
+        below += histogram[static_cast<std::size_t>(n)][static_cast<std::size_t>(k)];
+      if (2 * below >= samples) break;
+    }
+    return MetresOfMagnitude(k);
+  };
   for (int c = 0; c < kNoiseClasses; ++c) {
     if (total[static_cast<std::size_t>(c)] == 0) continue;
     // A class with few pixels borrows from those beside it, the nearest first.
@@ -69,13 +88,14 @@ void NoiseMeter::MediansOf(const Histogram& histogram, float to_sigma, std::arra
       if (low > 0) samples += total[static_cast<std::size_t>(--low)];
       if (high + 1 < kNoiseClasses) samples += total[static_cast<std::size_t>(++high)];
     }
-    std::uint32_t below = 0;
-    int k = 0;
-    for (; k + 1 < kMagnitudes; ++k) {
-      for (int n = low; n <= high; ++n) below += histogram[static_cast<std::size_t>(n)][static_cast<std::size_t>(k)];
-      if (2 * below >= samples) break;
-    }
-    sigma[static_cast<std::size_t>(c)] = to_sigma * MetresOfMagnitude(k);
+    const float own_m = median_m(low, high, samples);
+    // Some classes hold nothing but the mixed pixels between two surfaces: they may not call that noise.
+    low = std::max(0, c - kOctave);
+    high = std::min(kNoiseClasses - 1, c + kOctave);
+    samples = 0;
+    for (int n = low; n <= high; ++n) samples += total[static_cast<std::size_t>(n)];
+    sigma[static_cast<std::size_t>(c)] =
+        to_sigma * std::min(own_m, kMostWithinOctave * median_m(low, high, samples));
   }
   // Classes that the samples missed: as the nearest that they did not.
   for (int c = 0; c < kNoiseClasses; ++c) {
@@ -91,8 +111,8 @@ void NoiseMeter::MediansOf(const Histogram& histogram, float to_sigma, std::arra
   }
 }
 
-// A sensor that quantises leaves gaps between the counts it uses, and many pixels on each that it uses: on a stair of
-// equal values the medians above are 0, while the stairs themselves are steps.
+// A sensor that quantises leaves gaps between the counts it uses, and many pixels on each that it uses: on a
+// stair of equal values the medians above are 0, while the stairs themselves are steps.
 void NoiseMeter::MeasureQuantum(ImageView<const std::uint16_t> raw, const DepthSignal& signal) {
   std::fill(pixels_of_count_.begin(), pixels_of_count_.end(), std::uint16_t{0});
   const int lattice = LatticeStep(double{1} * raw.width() * raw.height(), kMostSamples);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// How noisy a depth picture is, measured in the picture itself: what decides whether a step is noise or an edge.
+// How noisy a depth picture is, measured in the picture itself: what decides whether a step is noise or an
+// edge.
 #pragma once
 
 #include <array>
@@ -13,9 +14,9 @@
 
 namespace mixstage::depth {
 
-// A ToF camera's noise follows the returned light (algorithms 3: sigma ~ sqrt(background + amplitude) / amplitude), a
-// triangulating one's the distance: pixels are classed by amplitude where there is one, else by z. A class spans a
-// quarter octave.
+// A ToF camera's noise follows the returned light (algorithms 3: sigma ~ sqrt(background + amplitude) /
+// amplitude), a triangulating one's the distance: pixels are classed by amplitude where there is one, else by
+// z. A class spans a quarter octave.
 inline constexpr int kNoiseClasses = 64;
 inline int AmplitudeClass(std::uint16_t amplitude) {
   // 1 is class 0, 65535 class 63.
@@ -29,8 +30,8 @@ inline int DepthClass(float z_m) {
   return index < 0 ? 0 : index >= kNoiseClasses ? kNoiseClasses - 1 : index;
 }
 
-// Standard deviations, metres, robust (median of absolute values) and of this picture alone, so that a picture's result
-// does not depend on those before it.
+// Standard deviations, metres, robust (median of absolute values) and of this picture alone, so that a
+// picture's result does not depend on those before it.
 struct SurfaceNoise {
   bool by_amplitude = false;
   // Of one pixel against the 3x3 median around it, and of that median's step to the next pixel on a plane.

@@ -18,7 +18,8 @@ void MedianRowScalar(const float* above, const float* row, const float* below, i
       p = low;
     };
     // The middle of nine by 19 exchanges, of which only what reaches e is kept.
-    sort(b, c), sort(e, f), sort(h, i), sort(a, b), sort(d, e), sort(g, h), sort(b, c), sort(e, f), sort(h, i);
+    sort(b, c), sort(e, f), sort(h, i), sort(a, b), sort(d, e), sort(g, h), sort(b, c), sort(e, f),
+        sort(h, i);
     d = std::max(a, d);
     f = std::min(f, i);
     sort(e, h);
@@ -32,7 +33,8 @@ void MedianRowScalar(const float* above, const float* row, const float* below, i
   }
 }
 
-void CutRowScalar(const float* z, const float* limit, std::ptrdiff_t next, float pitch, int width, std::uint8_t* cut) {
+void CutRowScalar(const float* z, const float* limit, std::ptrdiff_t next, float pitch, int width,
+                  std::uint8_t* cut) {
   for (int x = 0; x < width; ++x) {
     const float p = z[x];
     const float q = z[x + next];

@@ -42,7 +42,8 @@ void MedianRowImpl(const float* above, const float* row, const float* below, int
     VF a = of(above - 1), b = of(above), c = of(above + 1);
     VF d = of(row - 1), e = centre, f = of(row + 1);
     VF g = of(below - 1), h = of(below), i = of(below + 1);
-    Sort(b, c), Sort(e, f), Sort(h, i), Sort(a, b), Sort(d, e), Sort(g, h), Sort(b, c), Sort(e, f), Sort(h, i);
+    Sort(b, c), Sort(e, f), Sort(h, i), Sort(a, b), Sort(d, e), Sort(g, h), Sort(b, c), Sort(e, f),
+        Sort(h, i);
     d = hn::Max(a, d);
     f = hn::Min(f, i);
     Sort(e, h);
@@ -56,7 +57,8 @@ void MedianRowImpl(const float* above, const float* row, const float* below, int
   }
 }
 
-void CutRowImpl(const float* z, const float* limit, std::ptrdiff_t next, float pitch, int width, std::uint8_t* cut) {
+void CutRowImpl(const float* z, const float* limit, std::ptrdiff_t next, float pitch, int width,
+                std::uint8_t* cut) {
   const DF df;
   const DI di;
   const hn::Rebind<std::int8_t, DI> d8;
@@ -97,7 +99,8 @@ HWY_EXPORT(CutRowImpl);
 void MedianRow(const float* above, const float* row, const float* below, int width, float* median) {
   HWY_DYNAMIC_DISPATCH(MedianRowImpl)(above, row, below, width, median);
 }
-void CutRow(const float* z, const float* limit, std::ptrdiff_t next, float pitch, int width, std::uint8_t* cut) {
+void CutRow(const float* z, const float* limit, std::ptrdiff_t next, float pitch, int width,
+            std::uint8_t* cut) {
   HWY_DYNAMIC_DISPATCH(CutRowImpl)(z, limit, next, pitch, width, cut);
 }
 

@@ -63,7 +63,8 @@ void CpuRasteriser::Draw(const TriangleMeshView& mesh, const Eigen::Affine3d& T_
   Scan(mesh, T_camera_object, first_id, faces, triangle_.ptr<std::int32_t>());
 }
 
-void CpuRasteriser::DrawDepth(const TriangleMeshView& mesh, const Eigen::Affine3d& T_camera_object, Faces faces) {
+void CpuRasteriser::DrawDepth(const TriangleMeshView& mesh, const Eigen::Affine3d& T_camera_object,
+                              Faces faces) {
   Scan(mesh, T_camera_object, 0, faces, nullptr);
 }
 
@@ -79,9 +80,9 @@ void CpuRasteriser::Scan(const TriangleMeshView& mesh, const Eigen::Affine3d& T_
   const Affine34 T = RowsOf(T_camera_object);
   projected_.resize(mesh.positions.size());
   ProjectVertices(lens_, T, mesh.positions, projected_);
-  const ScanTarget target{inverse_z_.ptr<float>(), triangle,           static_cast<std::ptrdiff_t>(inverse_z_.step1()),
-                          0,                       0,                  grid_width_ - 1,
-                          grid_height_ - 1};
+  const ScanTarget target{
+      inverse_z_.ptr<float>(), triangle,        static_cast<std::ptrdiff_t>(inverse_z_.step1()), 0, 0,
+      grid_width_ - 1,         grid_height_ - 1};
   ScanBatch batch;
   batch.vertices = projected_;
   batch.indices = mesh.indices;
@@ -98,7 +99,8 @@ void CpuRasteriser::Scan(const TriangleMeshView& mesh, const Eigen::Affine3d& T_
       const std::uint32_t index = mesh.indices[3 * std::size_t{t} + k];
       corners[k] = {T * mesh.positions[index], projected_[index]};
     }
-    SplitTriangle(lens_, corners[0], corners[1], corners[2], first_id + static_cast<std::int32_t>(t), target, split_);
+    SplitTriangle(lens_, corners[0], corners[1], corners[2], first_id + static_cast<std::int32_t>(t), target,
+                  split_);
     if (split_.ids.size() >= kSplitBatch) ScanSplit(batch, target);
   }
   ScanSplit(batch, target);
@@ -118,7 +120,8 @@ const VisibilityBuffer& CpuRasteriser::Finish() {
   buffer_.touched = RectOf(touched_);
   const cv::Rect& r = buffer_.touched;
   for (int y = r.y; y < r.y + r.height; ++y) {
-    InverseToDepth(inverse_z_.ptr<float>(y) + r.x, depth_m_.ptr<float>(y) + r.x, static_cast<std::size_t>(r.width));
+    InverseToDepth(inverse_z_.ptr<float>(y) + r.x, depth_m_.ptr<float>(y) + r.x,
+                   static_cast<std::size_t>(r.width));
   }
   return buffer_;
 }
@@ -144,7 +147,8 @@ PinholeCamera PictureGrid::CameraOf(const PinholeCamera& picture) const {
 
 Result<std::unique_ptr<Rasteriser>> CreateRasteriser(RasterBackend backend, const PinholeCamera& camera,
                                                      const RasterConfig& config) {
-  if (auto ok = camera.Validate(); !ok) return Within("camera", {ErrorCode::kInvalidConfig, ok.error().message});
+  if (auto ok = camera.Validate(); !ok)
+    return Within("camera", {ErrorCode::kInvalidConfig, ok.error().message});
   if (!(config.near_m >= 1e-4 && config.near_m <= 10)) {
     return Fail(ErrorCode::kInvalidConfig, "near_m is outside 0.0001..10 m");
   }

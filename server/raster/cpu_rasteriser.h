@@ -10,13 +10,15 @@
 
 namespace mixstage::raster {
 
-// The back end without a GPU: corners through the lens, small triangles scanned, the rest split first. One thread.
+// The back end without a GPU: corners through the lens, small triangles scanned, the rest split first. One
+// thread.
 class CpuRasteriser final : public Rasteriser {
  public:
   CpuRasteriser(const PinholeCamera& camera, const RasterConfig& config);  // checked by CreateRasteriser
 
   void Begin(const PictureGrid& grid) override;
-  void Draw(const TriangleMeshView& mesh, const Eigen::Affine3d& T_camera_object, int first_id, Faces faces) override;
+  void Draw(const TriangleMeshView& mesh, const Eigen::Affine3d& T_camera_object, int first_id,
+            Faces faces) override;
   void DrawDepth(const TriangleMeshView& mesh, const Eigen::Affine3d& T_camera_object, Faces faces) override;
   const VisibilityBuffer& Finish() override;
 

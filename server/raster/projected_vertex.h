@@ -7,10 +7,10 @@
 
 namespace mixstage::raster {
 
-inline constexpr int kSubPixelBits = 8;                     // corners are rounded to 1/256 grid pixel
+inline constexpr int kSubPixelBits = 8;  // corners are rounded to 1/256 grid pixel
 inline constexpr int kSubPixels = 1 << kSubPixelBits;
-// Edges longer than this (in x or y) are split before the scan: products of sub-pixel differences then fit 32 bits,
-// and edge functions in whole pixels are integers below 2^24, exact in a float.
+// Edges longer than this (in x or y) are split before the scan: products of sub-pixel differences then fit 32
+// bits, and edge functions in whole pixels are integers below 2^24, exact in a float.
 inline constexpr int kMaxEdgePx = 60;
 
 // Where a corner lies outside; a triangle whose three corners share a kLeft..kNear bit cannot be seen.
@@ -19,9 +19,9 @@ enum Outcode : std::uint32_t {
   kRight = 2,
   kAbove = 4,
   kBelow = 8,
-  kNear = 16,          // behind the near plane
-  kNoPixel = 32,       // in front, but beyond the fold or too far outside the picture to have coordinates
-  kNotFinite = 64,     // its triangles are dropped
+  kNear = 16,       // behind the near plane
+  kNoPixel = 32,    // in front, but beyond the fold or too far outside the picture to have coordinates
+  kNotFinite = 64,  // its triangles are dropped
   kOutsideMask = kLeft | kRight | kAbove | kBelow | kNear,
   kNeedsSplit = kNear | kNoPixel,
 };

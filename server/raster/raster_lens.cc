@@ -10,15 +10,19 @@ namespace mixstage::raster {
 namespace {
 
 constexpr double kChordErrorPx = 0.05;
-constexpr float kLargestMetres = 1e6f;   // farther corners lose their pixels to rounding; NaN fails the test too
-constexpr float kLargestPx = 65536.0f;   // coordinates beyond it do not fit the scan's fixed point
+constexpr float kLargestMetres =
+    1e6f;  // farther corners lose their pixels to rounding; NaN fails the test too
+constexpr float kLargestPx = 65536.0f;  // coordinates beyond it do not fit the scan's fixed point
 
-// FoldRadiusSquared walks in steps and returns the first that folds: here the border itself, from the safe side.
+// FoldRadiusSquared walks in steps and returns the first that folds: here the border itself, from the safe
+// side.
 double PreciseFoldRadiusSquared(const PinholeCamera& camera) {
   const double outside = camera.FoldRadiusSquared();
   double low = std::max(0.0, (outside - 0.005) / 1.01 - 1e-9);
   double high = outside;
-  auto has_pixel = [&](double r2) { return camera.Project(Eigen::Vector3d(std::sqrt(r2), 0, 1)).has_value(); };
+  auto has_pixel = [&](double r2) {
+    return camera.Project(Eigen::Vector3d(std::sqrt(r2), 0, 1)).has_value();
+  };
   if (has_pixel(high)) return high;
   if (!has_pixel(low)) low = 0;
   for (int i = 0; i < 50; ++i) {
@@ -67,16 +71,16 @@ ViewBounds BoundsOf(const PinholeCamera& camera, double fold_r2) {
   return {view.x0 - margin_x, view.x1 + margin_x, view.y0 - margin_y, view.y1 + margin_y, view.radius};
 }
 
-// Largest second derivative of the distortion inside the view: a chord of length h (normalised) leaves its curve
-// by h^2 / 8 times this.
+// Largest second derivative of the distortion inside the view: a chord of length h (normalised) leaves its
+// curve by h^2 / 8 times this.
 double CurvatureOf(const PinholeCamera& camera, double radius) {
   constexpr int kSteps = 100;
   const double h = std::max(radius, 1e-3) / kSteps;
   double largest = 0;
   for (int i = 1; i < kSteps; ++i) {
     const double r = i * h;
-    for (const auto& [direction, across] :
-         {std::pair{Eigen::Vector2d(1, 0), Eigen::Vector2d(0, 1)}, std::pair{Eigen::Vector2d(0, 1), Eigen::Vector2d(1, 0)}}) {
+    for (const auto& [direction, across] : {std::pair{Eigen::Vector2d(1, 0), Eigen::Vector2d(0, 1)},
+                                            std::pair{Eigen::Vector2d(0, 1), Eigen::Vector2d(1, 0)}}) {
       const Eigen::Vector2d at = camera.Distort(r * direction);
       const Eigen::Vector2d along_second =
           camera.Distort((r + h) * direction) - 2 * at + camera.Distort((r - h) * direction);
@@ -101,7 +105,8 @@ RasterLens RasterLens::Of(const PinholeCamera& picture, double near_m) {
   lens.view_y1 = static_cast<float>(view.y1);
   const double focal = std::max(picture.fx, picture.fy);
   const double curvature = CurvatureOf(picture, view.radius);
-  const double edge_px = curvature > 1e-9 ? std::sqrt(8 * kChordErrorPx * focal / curvature) : double{kMaxEdgePx};
+  const double edge_px =
+      curvature > 1e-9 ? std::sqrt(8 * kChordErrorPx * focal / curvature) : double{kMaxEdgePx};
   lens.max_edge = static_cast<std::int32_t>(std::clamp(edge_px, 4.0, double{kMaxEdgePx}) * kSubPixels);
   lens.near_m = static_cast<float>(near_m);
   return lens.OnGrid(picture, 1);
@@ -111,7 +116,8 @@ RasterLens RasterLens::OnGrid(const PinholeCamera& camera, int scale) const {
   MIX_CHECK(scale >= 1);
   RasterLens lens = *this;
   auto narrow = [](double v) { return static_cast<float>(v); };
-  lens.fx = narrow(camera.fx), lens.fy = narrow(camera.fy), lens.cx = narrow(camera.cx), lens.cy = narrow(camera.cy);
+  lens.fx = narrow(camera.fx), lens.fy = narrow(camera.fy), lens.cx = narrow(camera.cx),
+  lens.cy = narrow(camera.cy);
   lens.k1 = narrow(camera.k1), lens.k2 = narrow(camera.k2), lens.k3 = narrow(camera.k3);
   lens.k4 = narrow(camera.k4), lens.k5 = narrow(camera.k5), lens.k6 = narrow(camera.k6);
   lens.p1 = narrow(camera.p1), lens.p2 = narrow(camera.p2);

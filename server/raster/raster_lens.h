@@ -20,8 +20,8 @@ struct RasterLens {
   float near_m = 0;
   // (x/z, y/z) of everything the picture can see lies inside.
   float view_x0 = 0, view_x1 = 0, view_y0 = 0, view_y1 = 0;
-  // Edges longer than this in x or y (sub-pixels) leave their curve by more than 0.05 picture px, or do not fit the
-  // scan: they are split.
+  // Edges longer than this in x or y (sub-pixels) leave their curve by more than 0.05 picture px, or do not
+  // fit the scan: they are split.
   std::int32_t max_edge = kMaxEdgePx * kSubPixels;
 
   // The costly part (the fold, the view's outline, the curvature) is done once per camera ...

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the vector scan kernels share, compiled once per instruction set: edge functions and planes of 1/z for several
-// triangles at once. Include after hwy/highway.h, inside no namespace.
+// What the vector scan kernels share, compiled once per instruction set: edge functions and planes of 1/z for
+// several triangles at once. Include after hwy/highway.h, inside no namespace.
 //
-// Exactness: corners are integers in 1/256 px. An edge function at pixel (i, j) is c + 256 (dx j - dy i) with integer c,
-// so its sign is that of floor(c / 256) + dx j - dy i: integers below 2^24 for edges of at most 60 px, which a float
-// holds exactly. Multiplications and additions of 1/z are kept apart (no fused ones), so that every instruction set and
-// the scalar code give the same bits.
+// Exactness: corners are integers in 1/256 px. An edge function at pixel (i, j) is c + 256 (dx j - dy i) with
+// integer c, so its sign is that of floor(c / 256) + dx j - dy i: integers below 2^24 for edges of at most 60
+// px, which a float holds exactly. Multiplications and additions of 1/z are kept apart (no fused ones), so
+// that every instruction set and the scalar code give the same bits.
 #if defined(MIXSTAGE_SERVER_RASTER_SCAN_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef MIXSTAGE_SERVER_RASTER_SCAN_INL_H_
 #undef MIXSTAGE_SERVER_RASTER_SCAN_INL_H_
@@ -42,8 +42,8 @@ HWY_INLINE EdgeLanes SetUpEdge(VI ax, VI ay, VI bx, VI by) {
   const VI dy = hn::Sub(by, ay);
   const VI zero = hn::Zero(di);
   const MI top_left = hn::Or(hn::Lt(dy, zero), hn::And(hn::Eq(dy, zero), hn::Gt(dx, zero)));
-  const VI c = hn::Sub(hn::Sub(hn::Mul(dy, ax), hn::Mul(dx, ay)),
-                       hn::IfThenZeroElse(top_left, hn::Set(di, 1)));
+  const VI c =
+      hn::Sub(hn::Sub(hn::Mul(dy, ax), hn::Mul(dx, ay)), hn::IfThenZeroElse(top_left, hn::Set(di, 1)));
   return {hn::ConvertTo(df, hn::ShiftRight<kSubPixelBits>(c)), hn::ConvertTo(df, hn::Neg(dy)),
           hn::ConvertTo(df, dx)};
 }
@@ -56,9 +56,10 @@ HWY_INLINE VI TwiceArea(VI ax, VI ay, VI bx, VI by, VI cx, VI cy) {
 struct PlaneLanes {
   VF c, right, down;
 };
-// 1/z over the triangle; corners relative to the pixel where c holds. Slivers thinner than 1/64 px have no meaningful
-// gradient in single precision: they are flat.
-HWY_INLINE PlaneLanes SetUpPlane(VI ax, VI ay, VF az, VI bx, VI by, VF bz, VI cx, VI cy, VF cz, VI twice_area) {
+// 1/z over the triangle; corners relative to the pixel where c holds. Slivers thinner than 1/64 px have no
+// meaningful gradient in single precision: they are flat.
+HWY_INLINE PlaneLanes SetUpPlane(VI ax, VI ay, VF az, VI bx, VI by, VF bz, VI cx, VI cy, VF cz,
+                                 VI twice_area) {
   const DI di;
   const DF df;
   const VI x1 = hn::Sub(bx, ax);
@@ -69,16 +70,18 @@ HWY_INLINE PlaneLanes SetUpPlane(VI ax, VI ay, VF az, VI bx, VI by, VF bz, VI cx
   const VF z2 = hn::Sub(cz, az);
   const VI longest = hn::Max(hn::Max(hn::Abs(x1), hn::Abs(y1)), hn::Max(hn::Abs(x2), hn::Abs(y2)));
   const auto sliver = hn::RebindMask(df, hn::Lt(twice_area, hn::ShiftLeft<2>(longest)));
-  const VF per_area = hn::Div(hn::Set(df, float{kSubPixels}), hn::ConvertTo(df, hn::Max(twice_area, hn::Set(di, 1))));
-  const VF right = hn::Mul(
-      hn::Sub(hn::Mul(z1, hn::ConvertTo(df, y2)), hn::Mul(z2, hn::ConvertTo(df, y1))), per_area);
-  const VF down = hn::Mul(
-      hn::Sub(hn::Mul(z2, hn::ConvertTo(df, x1)), hn::Mul(z1, hn::ConvertTo(df, x2))), per_area);
+  const VF per_area =
+      hn::Div(hn::Set(df, float{kSubPixels}), hn::ConvertTo(df, hn::Max(twice_area, hn::Set(di, 1))));
+  const VF right =
+      hn::Mul(hn::Sub(hn::Mul(z1, hn::ConvertTo(df, y2)), hn::Mul(z2, hn::ConvertTo(df, y1))), per_area);
+  const VF down =
+      hn::Mul(hn::Sub(hn::Mul(z2, hn::ConvertTo(df, x1)), hn::Mul(z1, hn::ConvertTo(df, x2))), per_area);
   const VF per_pixel = hn::Set(df, -1.0f / kSubPixels);
   const VF c = hn::Add(az, hn::Add(hn::Mul(right, hn::Mul(hn::ConvertTo(df, ax), per_pixel)),
                                    hn::Mul(down, hn::Mul(hn::ConvertTo(df, ay), per_pixel))));
   const VF mean = hn::Mul(hn::Add(hn::Add(az, bz), cz), hn::Set(df, 1.0f / 3.0f));
-  return {hn::IfThenElse(sliver, mean, c), hn::IfThenZeroElse(sliver, right), hn::IfThenZeroElse(sliver, down)};
+  return {hn::IfThenElse(sliver, mean, c), hn::IfThenZeroElse(sliver, right),
+          hn::IfThenZeroElse(sliver, down)};
 }
 
 // Pixels whose centres lie in [low, high] (sub-pixels): the first and the last.
@@ -124,16 +127,17 @@ HWY_INLINE ProjectedLanes ProjectLanes(const RasterLens& lens, VF x, VF y, VF z)
   const VF two_xy = hn::Mul(two, hn::Mul(nx, ny));
   const VF p1 = hn::Set(df, lens.p1);
   const VF p2 = hn::Set(df, lens.p2);
-  const VF dx = hn::Add(hn::Mul(nx, g),
-                        hn::Add(hn::Mul(p1, two_xy), hn::Mul(p2, hn::Add(r2, hn::Mul(two, xx)))));
-  const VF dy = hn::Add(hn::Mul(ny, g),
-                        hn::Add(hn::Mul(p1, hn::Add(r2, hn::Mul(two, yy))), hn::Mul(p2, two_xy)));
+  const VF dx =
+      hn::Add(hn::Mul(nx, g), hn::Add(hn::Mul(p1, two_xy), hn::Mul(p2, hn::Add(r2, hn::Mul(two, xx)))));
+  const VF dy =
+      hn::Add(hn::Mul(ny, g), hn::Add(hn::Mul(p1, hn::Add(r2, hn::Mul(two, yy))), hn::Mul(p2, two_xy)));
   const VF u = hn::Add(hn::Mul(hn::Set(df, lens.fx), dx), hn::Set(df, lens.cx));
   const VF v = hn::Add(hn::Mul(hn::Set(df, lens.fy), dy), hn::Set(df, lens.cy));
   const auto pixel = hn::And(hn::Lt(r2, hn::Set(df, lens.fold_r2)),
                              hn::And(hn::Lt(hn::Abs(u), largest_px), hn::Lt(hn::Abs(v), largest_px)));
   outcode = hn::Or(outcode, hn::IfThenElse(hn::RebindMask(di, near), hn::Set(di, std::int32_t{kNear}),
-                                           hn::IfThenZeroElse(hn::RebindMask(di, pixel), hn::Set(di, std::int32_t{kNoPixel}))));
+                                           hn::IfThenZeroElse(hn::RebindMask(di, pixel),
+                                                              hn::Set(di, std::int32_t{kNoPixel}))));
   outcode = hn::IfThenElse(hn::RebindMask(di, finite), outcode, hn::Set(di, std::int32_t{kNotFinite}));
   const auto seen = hn::RebindMask(di, hn::And(finite, hn::AndNot(near, pixel)));
   const VF sub = hn::Set(df, float{kSubPixels});

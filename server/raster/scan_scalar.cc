@@ -43,8 +43,8 @@ Plane PlaneOf(const Corner& a, const Corner& b, const Corner& c, std::int32_t tw
 
 }  // namespace
 
-void ScanTrianglesScalar(const ScanBatch& batch, const ScanTarget& target, std::vector<std::uint32_t>& needs_split,
-                         TouchedBox& touched) {
+void ScanTrianglesScalar(const ScanBatch& batch, const ScanTarget& target,
+                         std::vector<std::uint32_t>& needs_split, TouchedBox& touched) {
   for (std::size_t t = 0; t < batch.indices.size() / 3; ++t) {
     const ProjectedVertex& a = batch.vertices[batch.indices[3 * t]];
     const ProjectedVertex* b = &batch.vertices[batch.indices[3 * t + 1]];
@@ -78,7 +78,8 @@ void ScanTrianglesScalar(const ScanBatch& batch, const ScanTarget& target, std::
     const Edge edges[3] = {EdgeOf(ra, rb), EdgeOf(rb, rc), EdgeOf(rc, ra)};
     const Plane plane = PlaneOf(ra, rb, rc, twice_area);
     const std::int32_t id = batch.ids.empty() ? batch.first_id + static_cast<std::int32_t>(t) : batch.ids[t];
-    touched = {std::min(touched.x0, x0), std::min(touched.y0, y0), std::max(touched.x1, x1), std::max(touched.y1, y1)};
+    touched = {std::min(touched.x0, x0), std::min(touched.y0, y0), std::max(touched.x1, x1),
+               std::max(touched.y1, y1)};
     for (int i = 0; i <= x1 - x0; ++i) {
       float inverse_z = plane.c + plane.right * static_cast<float>(i);
       for (int j = 0; j <= y1 - y0; ++j, inverse_z += plane.down) {

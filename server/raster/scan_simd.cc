@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Vector twins of ScanTrianglesScalar and ProjectVerticesScalar: set-up for as many triangles as there are lanes, then
-// one row of one triangle per vector. Remainders of either are padded, never read beyond.
+// Vector twins of ScanTrianglesScalar and ProjectVerticesScalar: set-up for as many triangles as there are
+// lanes, then one row of one triangle per vector. Remainders of either are padded, never read beyond.
 
 // GCC fuses a product and a sum wherever the instruction set can; the scalar code's bits need them apart.
 #if defined(__GNUC__) && !defined(__clang__)
@@ -80,9 +80,8 @@ HWY_INLINE void ScanOne(const TriangleLanes& s, std::size_t k, std::int32_t id, 
   for (int i = 0; i < columns; i += lanes) {
     const VF column = hn::Iota(df, static_cast<float>(i));
     const auto in_box = hn::Lt(column, hn::Set(df, static_cast<float>(columns)));
-    auto start = [&](const float* c, const float* right) HWY_ATTR {
-      return hn::Add(hn::Set(df, c[k]), hn::Mul(hn::Set(df, right[k]), column));
-    };
+    auto start = [&](const float* c, const float* right)
+                     HWY_ATTR { return hn::Add(hn::Set(df, c[k]), hn::Mul(hn::Set(df, right[k]), column)); };
     VF e0 = start(s.edge_c[0], s.edge_right[0]);
     VF e1 = start(s.edge_c[1], s.edge_right[1]);
     VF e2 = start(s.edge_c[2], s.edge_right[2]);
@@ -111,8 +110,8 @@ HWY_INLINE void ScanOne(const TriangleLanes& s, std::size_t k, std::int32_t id, 
 }
 
 template <bool kIds>
-void ScanTrianglesOf(const ScanBatch& batch, const ScanTarget& target, std::vector<std::uint32_t>& needs_split,
-                     TouchedBox& touched) {
+void ScanTrianglesOf(const ScanBatch& batch, const ScanTarget& target,
+                     std::vector<std::uint32_t>& needs_split, TouchedBox& touched) {
   const DF df;
   const DI di;
   const std::size_t lanes = hn::Lanes(df);
@@ -126,7 +125,8 @@ void ScanTrianglesOf(const ScanBatch& batch, const ScanTarget& target, std::vect
     const std::size_t valid = std::min(lanes, count - first);
     VI ia, ib, ic;
     if (valid == lanes) {
-      hn::LoadInterleaved3(di, reinterpret_cast<const std::int32_t*>(batch.indices.data()) + 3 * first, ia, ib, ic);
+      hn::LoadInterleaved3(di, reinterpret_cast<const std::int32_t*>(batch.indices.data()) + 3 * first, ia,
+                           ib, ic);
     } else {
       std::array<std::int32_t, 3 * kMaxLanes> rest{};  // corner 0 three times: no area
       std::memcpy(rest.data(), batch.indices.data() + 3 * first, 3 * valid * sizeof(std::int32_t));
@@ -151,7 +151,8 @@ void ScanTrianglesOf(const ScanBatch& batch, const ScanTarget& target, std::vect
     const VI min_x = hn::Min(hn::Min(ax, bx), cx), max_x = hn::Max(hn::Max(ax, bx), cx);
     const VI min_y = hn::Min(hn::Min(ay, by), cy), max_y = hn::Max(hn::Max(ay, by), cy);
     const VI extent = hn::Max(hn::Sub(max_x, min_x), hn::Sub(max_y, min_y));
-    const MI split = hn::And(live, hn::Or(has(any, kNeedsSplit), hn::Gt(extent, hn::Set(di, batch.max_edge))));
+    const MI split =
+        hn::And(live, hn::Or(has(any, kNeedsSplit), hn::Gt(extent, hn::Set(di, batch.max_edge))));
     if (!hn::AllFalse(di, split)) {
       std::uint8_t bits[8] = {};
       hn::StoreMaskBits(di, split, bits);
@@ -236,8 +237,8 @@ void ScanTrianglesOf(const ScanBatch& batch, const ScanTarget& target, std::vect
              reduce(touched_x1, high, touched.x1), reduce(touched_y1, high, touched.y1)};
 }
 
-void ScanTrianglesImpl(const ScanBatch& batch, const ScanTarget& target, std::vector<std::uint32_t>& needs_split,
-                       TouchedBox& touched) {
+void ScanTrianglesImpl(const ScanBatch& batch, const ScanTarget& target,
+                       std::vector<std::uint32_t>& needs_split, TouchedBox& touched) {
   if (target.triangle != nullptr) {
     ScanTrianglesOf<true>(batch, target, needs_split, touched);
   } else {
@@ -271,7 +272,8 @@ void ProjectVertices(const RasterLens& lens, const Affine34& T_camera_object,
                      std::span<const Eigen::Vector3f> positions, std::span<ProjectedVertex> out) {
   MIX_CHECK(positions.size() == out.size());
   if (positions.empty()) return;
-  HWY_DYNAMIC_DISPATCH(ProjectVerticesImpl)(lens, T_camera_object, positions[0].data(), positions.size(), out.data());
+  HWY_DYNAMIC_DISPATCH(ProjectVerticesImpl)
+  (lens, T_camera_object, positions[0].data(), positions.size(), out.data());
 }
 
 void ScanTriangles(const ScanBatch& batch, const ScanTarget& target, std::vector<std::uint32_t>& needs_split,

@@ -7,7 +7,8 @@
 namespace mixstage::raster {
 namespace {
 
-// An edge's ends are at most 1e6 m / near apart in x/z; halving it this often makes it shorter than any max_edge.
+// An edge's ends are at most 1e6 m / near apart in x/z; halving it this often makes it shorter than any
+// max_edge.
 constexpr int kMaxHalvings = 48;
 
 class Splitter {
@@ -25,7 +26,8 @@ class Splitter {
       const bool from_behind = (from.projected.outcode & kNear) != 0;
       const bool to_behind = (to.projected.outcode & kNear) != 0;
       if (!from_behind) polygon[n++] = from;
-      if (from_behind != to_behind) polygon[n++] = from_behind ? OnNearPlane(from, to) : OnNearPlane(to, from);
+      if (from_behind != to_behind)
+        polygon[n++] = from_behind ? OnNearPlane(from, to) : OnNearPlane(to, from);
     }
     for (int i = 2; i < n; ++i) Divide(polygon[0], polygon[i - 1], polygon[i], 0);
   }
@@ -62,7 +64,8 @@ class Splitter {
   }
 
   // Only for corners with pixels; grown by half, for the curves that the edges really are.
-  [[nodiscard]] bool OutsideClip(const ProjectedVertex& a, const ProjectedVertex& b, const ProjectedVertex& c) const {
+  [[nodiscard]] bool OutsideClip(const ProjectedVertex& a, const ProjectedVertex& b,
+                                 const ProjectedVertex& c) const {
     const auto [x0, x1] = std::minmax({a.x, b.x, c.x});
     const auto [y0, y1] = std::minmax({a.y, b.y, c.y});
     const int grow = std::max(x1 - x0, y1 - y0) / 2;
@@ -135,8 +138,8 @@ class Splitter {
 
 }  // namespace
 
-void SplitTriangle(const RasterLens& lens, const CameraCorner& a, const CameraCorner& b, const CameraCorner& c,
-                   std::int32_t id, const ScanTarget& clip, SplitTriangles& out) {
+void SplitTriangle(const RasterLens& lens, const CameraCorner& a, const CameraCorner& b,
+                   const CameraCorner& c, std::int32_t id, const ScanTarget& clip, SplitTriangles& out) {
   Splitter(lens, id, clip, out).Clip(a, b, c);
 }
 

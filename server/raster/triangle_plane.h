@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Perspective-correct barycentric coordinates of a pixel: its undistorted ray meets the triangle's plane. Exact
-// through any lens, whatever pieces the rasteriser drew the triangle in.
+// Perspective-correct barycentric coordinates of a pixel: its undistorted ray meets the triangle's plane.
+// Exact through any lens, whatever pieces the rasteriser drew the triangle in.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,8 +11,8 @@
 namespace mixstage {
 
 struct TrianglePoint {
-  float depth_m = 0;    // z along the camera's axis
-  float b = 0, c = 0;   // weights of corners b and c; that of a is 1 - b - c. Slightly outside [0, 1] at edges
+  float depth_m = 0;   // z along the camera's axis
+  float b = 0, c = 0;  // weights of corners b and c; that of a is 1 - b - c. Slightly outside [0, 1] at edges
 };
 
 // One triangle, prepared for many pixels. Corners in the camera's frame, metres; copied.
@@ -30,8 +30,8 @@ class TrianglePlane {
     offset_ = normal_.dot(a);
   }
 
-  // ray: (x/z, y/z) of the pixel (UnprojectionTable). Nothing for a ray along the plane, for a triangle without
-  // area and for what lies behind the camera.
+  // ray: (x/z, y/z) of the pixel (UnprojectionTable). Nothing for a ray along the plane, for a triangle
+  // without area and for what lies behind the camera.
   [[nodiscard]] std::optional<TrianglePoint> At(const Eigen::Vector2f& ray) const {
     const float depth_m = offset_ / (normal_.x() * ray.x() + normal_.y() * ray.y() + normal_.z());
     if (!(depth_m > 0 && depth_m < 1e6f)) return std::nullopt;

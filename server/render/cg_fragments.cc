@@ -178,29 +178,29 @@ void FragmentShader::Resolve(int row, CgLayer& layer) const {
     const Fragment& fragment = fragments_[i];
     const Look& look = looks_[i];
     const Material& material = *look.material;
-    Eigen::Array4f base = Eigen::Map<const Eigen::Array4f>(&texture_rgba_[4 * i]);
-    base *= Eigen::Array4f(material.base_color.x(), material.base_color.y(), material.base_color.z(),
-                           material.base_alpha);
+    const float* texel = &texture_rgba_[4 * i];
+    Eigen::Vector3f base = material.base_color;
     if (!look.mesh->colors.empty()) {
       const std::vector<Eigen::Vector3f>& colors = look.mesh->colors;
       const float b = rows_.row(kWeight1)[i];
       const float c = rows_.row(kWeight2)[i];
-      base.head<3>() *=
-          ((1 - b - c) * colors[look.corners[0]] + b * colors[look.corners[1]] + c * colors[look.corners[2]])
-              .array();
+      base = base.cwiseProduct((1 - b - c) * colors[look.corners[0]] + b * colors[look.corners[1]] +
+                               c * colors[look.corners[2]]);
     }
     float coverage = fragment.weight;
     // The cut-off is a ramp of a few grey levels, so that the edge inside a pixel is soft.
-    if (material.alpha_mask)
-      coverage *= std::clamp(0.5f + 4.0f * (base[3] - material.alpha_cutoff), 0.0f, 1.0f);
+    if (material.alpha_mask) {
+      const float alpha = material.base_alpha * texel[3];
+      coverage *= std::clamp(0.5f + 4.0f * (alpha - material.alpha_cutoff), 0.0f, 1.0f);
+    }
     if (!(coverage > 0)) continue;
-    const Eigen::Array4f lit(diffuse[0][i], diffuse[1][i], diffuse[2][i], 1.0f);
-    const Eigen::Array4f mirrored(specular[0][i], specular[1][i], specular[2][i], 0.0f);
-    Eigen::Array4f color = (1.0f - material.metallic) * base * lit +
-                           (kDielectric + material.metallic * (base - kDielectric)) * mirrored;
-    color[3] = 1.0f;
-    Eigen::Map<Eigen::Array4f> out(color_row[fragment.column].val);
-    out += coverage * color;
+    float* out = color_row[fragment.column].val;
+    for (int c = 0; c < 3; ++c) {
+      const float albedo = base[c] * texel[c];
+      const float mirror = kDielectric + material.metallic * (albedo - kDielectric);
+      out[c] += coverage * ((1.0f - material.metallic) * albedo * diffuse[c][i] + mirror * specular[c][i]);
+    }
+    out[3] += coverage;
     float& nearest = depth_row[fragment.column];
     if (nearest == 0 || z[i] < nearest) {
       nearest = z[i];

@@ -5,7 +5,8 @@ namespace mixstage {
 namespace {
 
 // An indoor picture is exposed so that a white surface in the full light stays a little below white, for the
-// highlights: key and ambient from above come to 0.8 to 0.9 on it. Half of the ambient comes back from the floor.
+// highlights: key and ambient from above come to 0.8 to 0.9 on it. Half of the ambient comes back from the
+// floor.
 constexpr float kKey = 0.5f;
 constexpr float kAmbientAbove = 0.4f;
 constexpr float kAmbientBelow = 0.2f;

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
 #include <cstdint>
 
 #include "server/scene/mesh.h"
@@ -26,20 +25,15 @@ inline float WrapCoordinate(float t, TextureWrap wrap) {
   return pair > 1.0f ? 2.0f - pair : pair;
 }
 
-struct TexelPair {
-  int a, b;  // neighbours, inside the texture
-  float share_of_b;
+// The texel whose centre is at or before t (0..1), -1 for the border, and the share of the one after it.
+struct TexelPlace {
+  int first;
+  float share_of_next;
 };
-inline TexelPair TexelsAt(float t, int size, TextureWrap wrap) {
-  const float at = t * static_cast<float>(size) - 0.5f;
-  const float floor = FloorOf(at);
-  const int first = static_cast<int>(floor);
-  const bool repeats = wrap == TextureWrap::kRepeat;
-  TexelPair pair{first, first + 1, at - floor};
-  if (pair.a < 0) pair.a = repeats ? size - 1 : 0;
-  if (pair.a >= size) pair.a = size - 1;
-  if (pair.b >= size) pair.b = repeats ? 0 : size - 1;
-  return pair;
+inline TexelPlace PlaceOf(float t, int size) {
+  const float at = t * static_cast<float>(size) + 0.5f;  // counted from the border: never negative
+  const int from_border = static_cast<int>(at);
+  return {from_border - 1, at - static_cast<float>(from_border)};
 }
 
 // log2 within 0.09: the mantissa taken as its own logarithm. A level of detail needs no more.

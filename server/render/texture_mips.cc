@@ -81,21 +81,35 @@ cv::Mat4w Halve(const cv::Mat4w& source) {
   return out;
 }
 
-Eigen::Array4f Texel(const TextureMips::Level& level, int x, int y) {
-  const std::uint16_t* t = level.texels + 4 * (static_cast<std::ptrdiff_t>(y) * level.width + x);
+Eigen::Array4f Texel(const std::uint16_t* t) {
   return {static_cast<float>(t[0]), static_cast<float>(t[1]), static_cast<float>(t[2]),
           static_cast<float>(t[3])};
 }
 
-Eigen::Array4f Bilinear(const TextureMips::Level& level, float u, float v, TextureWrap wrap_u,
-                        TextureWrap wrap_v) {
-  const TexelPair x = TexelsAt(u, level.width, wrap_u);
-  const TexelPair y = TexelsAt(v, level.height, wrap_v);
-  const Eigen::Array4f top_left = Texel(level, x.a, y.a);
-  const Eigen::Array4f bottom_left = Texel(level, x.a, y.b);
-  const Eigen::Array4f top = top_left + x.share_of_b * (Texel(level, x.b, y.a) - top_left);
-  const Eigen::Array4f bottom = bottom_left + x.share_of_b * (Texel(level, x.b, y.b) - bottom_left);
-  return top + y.share_of_b * (bottom - top);
+Eigen::Array4f Bilinear(const TextureMips::Level& level, float s, float t) {
+  const TexelPlace x = PlaceOf(s, level.width);
+  const TexelPlace y = PlaceOf(t, level.height);
+  const std::uint16_t* upper = level.texel(x.first, y.first);
+  const std::uint16_t* lower = level.texel(x.first, y.first + 1);
+  const Eigen::Array4f top = Texel(upper) + x.share_of_next * (Texel(upper + 4) - Texel(upper));
+  const Eigen::Array4f bottom = Texel(lower) + x.share_of_next * (Texel(lower + 4) - Texel(lower));
+  return top + y.share_of_next * (bottom - top);
+}
+
+// The border texel beside texel 0 (or the last): the other end, or the same again.
+cv::Mat4w WithBorder(const cv::Mat4w& image, TextureWrap wrap_u, TextureWrap wrap_v) {
+  cv::Mat4w out(image.rows + 2, image.cols + 2);
+  auto source = [](int i, int size, TextureWrap wrap) {
+    if (i >= 0 && i < size) return i;
+    const int edge = i < 0 ? 0 : size - 1;
+    return wrap == TextureWrap::kRepeat ? size - 1 - edge : edge;
+  };
+  for (int y = -1; y <= image.rows; ++y) {
+    for (int x = -1; x <= image.cols; ++x) {
+      out(y + 1, x + 1) = image(source(y, image.rows, wrap_v), source(x, image.cols, wrap_u));
+    }
+  }
+  return out;
 }
 
 }  // namespace
@@ -109,10 +123,12 @@ TextureMips::TextureMips(const Texture& texture) : wrap_u_(texture.wrap_u), wrap
   MIX_CHECK(!texture.rgba.empty());
   cv::Mat4w image = ToLinear(texture.rgba);
   while (std::max(image.rows, image.cols) > kLargestSide) image = Halve(image);
-  images_.push_back(image);
-  while (images_.back().rows > 1 || images_.back().cols > 1) images_.push_back(Halve(images_.back()));
-  for (const cv::Mat4w& level : images_)
-    levels_.push_back({level.ptr<std::uint16_t>(0), level.cols, level.rows});
+  for (;;) {
+    images_.push_back(WithBorder(image, wrap_u_, wrap_v_));
+    levels_.push_back({images_.back().ptr<std::uint16_t>(0), image.cols, image.rows, image.cols + 2});
+    if (image.rows == 1 && image.cols == 1) break;
+    image = Halve(image);
+  }
 }
 
 Eigen::Array4f TextureMips::Sample(float u, float v, float texels) const {
@@ -120,9 +136,9 @@ Eigen::Array4f TextureMips::Sample(float u, float v, float texels) const {
   const float t = WrapCoordinate(v, wrap_v_);
   const LevelPair pair = LevelsFor(texels, static_cast<int>(levels_.size()));
   const auto fine = static_cast<std::size_t>(pair.fine);
-  Eigen::Array4f color = Bilinear(levels_[fine], s, t, wrap_u_, wrap_v_);
+  Eigen::Array4f color = Bilinear(levels_[fine], s, t);
   if (pair.share_of_coarse > 0) {
-    color += pair.share_of_coarse * (Bilinear(levels_[fine + 1], s, t, wrap_u_, wrap_v_) - color);
+    color += pair.share_of_coarse * (Bilinear(levels_[fine + 1], s, t) - color);
   }
   return color / 65535.0f;
 }

@@ -17,9 +17,15 @@ namespace mixstage {
 
 class TextureMips {
  public:
+  // One border texel all around continues the texture as its wrap mode says: a sample's four neighbours lie
+  // side by side, whatever its place.
   struct Level {
-    const std::uint16_t* texels = nullptr;  // R G B A, 65535 = 1.0
-    int width = 0, height = 0;              // texels; rows follow one another
+    const std::uint16_t* corner = nullptr;  // R G B A (65535 = 1.0) of texel (-1, -1)
+    int width = 0, height = 0;              // texels without the border
+    int stride = 0;                         // texels from a row to the next
+    [[nodiscard]] const std::uint16_t* texel(int x, int y) const {
+      return corner + 4 * (static_cast<std::ptrdiff_t>(y + 1) * stride + x + 1);
+    }
   };
 
   // A side over 4096 px is halved first: no picture of ours shows more.
@@ -34,7 +40,7 @@ class TextureMips {
   [[nodiscard]] Eigen::Array4f Sample(float u, float v, float texels) const;
 
  private:
-  std::vector<cv::Mat4w> images_;
+  std::vector<cv::Mat4w> images_;  // with their borders
   std::vector<Level> levels_;
   TextureWrap wrap_u_, wrap_v_;
 };

@@ -5,6 +5,7 @@
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "server/render/texture_sample_simd.cc"
+#include <hwy/cache_control.h>
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
@@ -28,6 +29,8 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Four = hn::FixedTag<float, 4>;
 using V = hn::Vec<Four>;
 
+constexpr std::size_t kAhead = 8;  // fragments
+
 HWY_INLINE V Texel(const std::uint16_t* texel) {
   const hn::FixedTag<std::uint16_t, 4> d16;
   const hn::FixedTag<std::int32_t, 4> d32;
@@ -38,25 +41,22 @@ HWY_INLINE V Mix(V a, V b, float share_of_b) {
   return hn::MulAdd(hn::Set(Four(), share_of_b), hn::Sub(b, a), a);
 }
 
-HWY_INLINE V Bilinear(const TextureMips::Level& level, float u, float v, TextureWrap wrap_u,
-                      TextureWrap wrap_v) {
-  const TexelPair x = TexelsAt(u, level.width, wrap_u);
-  const TexelPair y = TexelsAt(v, level.height, wrap_v);
-  const std::uint16_t* top = level.texels + 4 * static_cast<std::ptrdiff_t>(y.a) * level.width;
-  const std::uint16_t* bottom = level.texels + 4 * static_cast<std::ptrdiff_t>(y.b) * level.width;
-  return Mix(Mix(Texel(top + 4 * x.a), Texel(top + 4 * x.b), x.share_of_b),
-             Mix(Texel(bottom + 4 * x.a), Texel(bottom + 4 * x.b), x.share_of_b), y.share_of_b);
+HWY_INLINE V Bilinear(const TextureMips::Level& level, float s, float t) {
+  const TexelPlace x = PlaceOf(s, level.width);
+  const TexelPlace y = PlaceOf(t, level.height);
+  const std::uint16_t* upper = level.texel(x.first, y.first);
+  const std::uint16_t* lower = upper + 4 * static_cast<std::ptrdiff_t>(level.stride);
+  return Mix(Mix(Texel(upper), Texel(upper + 4), x.share_of_next),
+             Mix(Texel(lower), Texel(lower + 4), x.share_of_next), y.share_of_next);
 }
 
 HWY_INLINE V SampleOnce(const TextureMips& texture, const LevelPair& pair, float u, float v) {
-  const TextureWrap wrap_u = texture.wrap_u();
-  const TextureWrap wrap_v = texture.wrap_v();
-  const float s = WrapCoordinate(u, wrap_u);
-  const float t = WrapCoordinate(v, wrap_v);
+  const float s = WrapCoordinate(u, texture.wrap_u());
+  const float t = WrapCoordinate(v, texture.wrap_v());
   const TextureMips::Level* level = texture.levels().data() + pair.fine;
-  const V fine = Bilinear(level[0], s, t, wrap_u, wrap_v);
+  const V fine = Bilinear(level[0], s, t);
   if (!(pair.share_of_coarse > 0)) return fine;
-  return Mix(fine, Bilinear(level[1], s, t, wrap_u, wrap_v), pair.share_of_coarse);
+  return Mix(fine, Bilinear(level[1], s, t), pair.share_of_coarse);
 }
 
 void SampleTexturesVector(std::span<const TextureMips* const> textures, const FragmentRows& rows,
@@ -75,6 +75,16 @@ void SampleTexturesVector(std::span<const TextureMips* const> textures, const Fr
       continue;
     }
     const TextureMips& texture = *textures[i];
+    // The texels of fragments to come are fetched while this one is filtered.
+    if (i + kAhead < textures.size() && textures[i + kAhead] == textures[i]) {
+      const std::size_t next = i + kAhead;
+      const LevelPair pair = LevelsFor(texels[next], static_cast<int>(texture.levels().size()));
+      const TextureMips::Level& level = texture.levels()[static_cast<std::size_t>(pair.fine)];
+      const TexelPlace x = PlaceOf(WrapCoordinate(u[next], texture.wrap_u()), level.width);
+      const TexelPlace y = PlaceOf(WrapCoordinate(v[next], texture.wrap_v()), level.height);
+      hwy::Prefetch(level.texel(x.first, y.first));
+      hwy::Prefetch(level.texel(x.first, y.first + 1));
+    }
     const LevelPair pair = LevelsFor(texels[i], static_cast<int>(texture.levels().size()));
     const float share = 1.0f / all_taps[i];
     V sum = hn::Zero(d);

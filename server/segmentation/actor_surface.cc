@@ -83,8 +83,8 @@ void ActorSurface::Run(const cv::Mat1b& mask, ImageView<const float> depth_m, co
   }
 }
 
-// Inside the mask and in front of the room: a wall that a late depth frame shows there is not him. Where D_M is not
-// known only what lies near his known depth is believed.
+// Inside the mask and in front of the room: a wall that a late depth frame shows there is not him. Where D_M
+// is not known only what lies near his known depth is believed.
 void ActorSurface::KeepActor(const BackgroundModel& model) {
   sigma_.create(depth_.size());
   sum_[0].create(depth_.size());
@@ -133,8 +133,8 @@ void ActorSurface::DropFlying() {
   }
 }
 
-// Weighted mean over 5x5 of what may be the same surface: a body's curvature over 20 colour pixels is far below a ToF
-// camera's noise, the step from arm to body is above it.
+// Weighted mean over 5x5 of what may be the same surface: a body's curvature over 20 colour pixels is far
+// below a ToF camera's noise, the step from arm to body is above it.
 void ActorSurface::Smooth() {
   depth_.copyTo(scratch_);
   for (int y = box_.y; y < box_.br().y; ++y) {
@@ -150,7 +150,8 @@ void ActorSurface::Smooth() {
         const float* row = scratch_.ptr<float>(v);
         for (int u = left; u <= right; ++u) {
           const float difference = (row[u] - z) * scale;
-          const float root = std::max(1 - difference * difference, 0.0f);  // holes (0 m) are far from any surface
+          const float root =
+              std::max(1 - difference * difference, 0.0f);  // holes (0 m) are far from any surface
           const float weight = root * root;
           sum += weight * row[u];
           weights += weight;
@@ -185,8 +186,8 @@ void ActorSurface::BuildPyramid() {
   }
 }
 
-// Mean of what is known around (x, y), at the finest level from `level` up that knows anything; 0 = nothing anywhere. A
-// 3x3 window at each level: the nearest known depth may lie across a cell's border.
+// Mean of what is known around (x, y), at the finest level from `level` up that knows anything; 0 = nothing
+// anywhere. A 3x3 window at each level: the nearest known depth may lie across a cell's border.
 float ActorSurface::FromPyramid(int x, int y, std::size_t level) const {
   for (std::size_t i = level; i < sum_.size(); ++i) {
     const int cx = x >> i, cy = y >> i;

@@ -18,8 +18,8 @@ const cv::Mat1b& Channel(const HalfPicture& picture, std::size_t c) {
   return c == 0 ? picture.r : c == 1 ? picture.g : picture.b;
 }
 
-// Share of pixels that differ from `mean` by more than noise after the sample's tone change. Compared on 4x4 means:
-// single pixels of a noisy sensor leave any threshold now and then, an actor's blocks do so together.
+// Share of pixels that differ from `mean` by more than noise after the sample's tone change. Compared on 4x4
+// means: single pixels of a noisy sensor leave any threshold now and then, an actor's blocks do so together.
 float ChangedShare(const HalfPicture& picture, const std::array<cv::Mat1f, 3>& mean) {
   const ToneChange tone = FindToneChange(picture, mean, cv::Mat1b());
   int blocks = 0;
@@ -89,7 +89,8 @@ void MeanDepth(const std::vector<BackgroundEstimator::Sample>& samples, RoomStat
 
 }  // namespace
 
-Result<BackgroundEstimator> BackgroundEstimator::Create(const BackgroundEstimatorConfig& config, int width, int height) {
+Result<BackgroundEstimator> BackgroundEstimator::Create(const BackgroundEstimatorConfig& config, int width,
+                                                        int height) {
   if (width < 16 || height < 16 || width > 16384 || height > 16384) {
     return Fail(ErrorCode::kInvalidConfig, "the picture must have 16 to 16384 pixels a side, not " +
                                                std::to_string(width) + "x" + std::to_string(height));
@@ -97,7 +98,8 @@ Result<BackgroundEstimator> BackgroundEstimator::Create(const BackgroundEstimato
   if (config.max_samples < 1 || config.max_samples > 120) {
     return Fail(ErrorCode::kInvalidConfig, "max_samples must be 1 to 120");
   }
-  if (!(config.empty_share > 0 && config.empty_share < 1) || !(config.far_share > 0 && config.far_share <= 0.5f)) {
+  if (!(config.empty_share > 0 && config.empty_share < 1) ||
+      !(config.far_share > 0 && config.far_share <= 0.5f)) {
     return Fail(ErrorCode::kInvalidConfig, "empty_share must lie in 0..1 and far_share in 0..0.5");
   }
   return BackgroundEstimator(config, width, height);

@@ -14,7 +14,8 @@ namespace {
 constexpr float kPi = 3.14159265f;
 // Quantisation to 8 bit and JPEG's own rounding: below this no statistic of a few frames is believed.
 constexpr float kLeastColorSigma = 0.8f;
-// Frames' worth of trust in the sensor's typical noise at a pixel's brightness against the pixel's own statistics.
+// Frames' worth of trust in the sensor's typical noise at a pixel's brightness against the pixel's own
+// statistics.
 constexpr float kPriorFrames = 8.0f;
 constexpr int kLevels = 16;
 // Floor of a depth measurement: 3 mm, and disparity sensors' steps that grow with z squared.
@@ -27,7 +28,8 @@ float Median(std::vector<float>& values) {
   return *middle;
 }
 
-// Noise that a single picture shows in itself (Immerkaer): needed where one or two frames have no spread to measure.
+// Noise that a single picture shows in itself (Immerkaer): needed where one or two frames have no spread to
+// measure.
 float SpatialNoise(const cv::Mat1f& picture) {
   std::vector<float> response;
   for (int y = 1; y + 1 < picture.rows; y += 2) {
@@ -75,7 +77,8 @@ cv::Mat1f ColorVariance(const cv::Mat1f& mean, const cv::Mat1f& sigma, int frame
   return variance;
 }
 
-// Two rows' worth of luma's variance (about half of green's, 1.5 times for JPEG), over ShadowTexture's window.
+// Two rows' worth of luma's variance (about half of green's, 1.5 times for JPEG), over ShadowTexture's
+// window.
 cv::Mat1f TextureNoise(const cv::Mat1f& green_variance) {
   cv::Mat1f noise(Half(green_variance.rows), Half(green_variance.cols));
   for (int y = 0; y < noise.rows; ++y) {
@@ -108,7 +111,8 @@ void SetColor(const RoomStatistics& s, BackgroundModel* model) {
       }
       const float log_range = std::log(255.0f);
       model->log_peak_room(y, x) = half_log - 3 * log_range;
-      // In shadow the brightness is free on a stretch of 0.6 |I_m|; the two chromatic directions stay Gaussian.
+      // In shadow the brightness is free on a stretch of 0.6 |I_m|; the two chromatic directions stay
+      // Gaussian.
       const float stretch = std::max(0.6f * std::sqrt(square), 1.0f);
       model->log_peak_shadow(y, x) = half_log * (2.0f / 3.0f) - 3 * log_range + std::log(stretch);
       model->mean_luma(y, x) =
@@ -117,7 +121,8 @@ void SetColor(const RoomStatistics& s, BackgroundModel* model) {
   }
 }
 
-// Typical sigma at each distance (half-metre bins): ToF noise grows with range, disparity noise with its square.
+// Typical sigma at each distance (half-metre bins): ToF noise grows with range, disparity noise with its
+// square.
 std::vector<float> SigmaByDistance(const RoomStatistics& s) {
   std::vector<std::vector<float>> bins;
   for (int y = 0; y < s.depth_m.rows; ++y) {

@@ -22,7 +22,8 @@ void FindColorEvidenceScalar(const HalfPicture& picture, const BackgroundModel& 
   evidence->shadow.create(picture.height(), picture.width());
   for (int y = 0; y < picture.height(); ++y) {
     for (int x = 0; x < picture.width(); ++x) {
-      const std::array<float, 3> I_t = {static_cast<float>(picture.r(y, x)), static_cast<float>(picture.g(y, x)),
+      const std::array<float, 3> I_t = {static_cast<float>(picture.r(y, x)),
+                                        static_cast<float>(picture.g(y, x)),
                                         static_cast<float>(picture.b(y, x))};
       std::array<float, 3> I_m{}, variance{};
       float D_t = 0;  // squared
@@ -30,8 +31,10 @@ void FindColorEvidenceScalar(const HalfPicture& picture, const BackgroundModel& 
       for (std::size_t c = 0; c < 3; ++c) {
         I_m[c] = std::clamp(tone.gain[c] * model.mean[c](y, x) + tone.offset[c], 0.0f, 255.0f);
         const float moved = kToneDoubt * (I_m[c] - model.mean[c](y, x));
-        variance[c] = model.variance[c](y, x) * std::max(tone.gain[c], 1.0f) * std::max(tone.gain[c], 1.0f) + moved * moved;
-        // piVE eq (3)-(4): the distance to the room, each channel in units of its own sigma instead of their sum.
+        variance[c] = model.variance[c](y, x) * std::max(tone.gain[c], 1.0f) * std::max(tone.gain[c], 1.0f) +
+                      moved * moved;
+        // piVE eq (3)-(4): the distance to the room, each channel in units of its own sigma instead of their
+        // sum.
         float difference = I_t[c] - I_m[c];
         // A clipped pixel of the room is at least as bright as it looks: only darker is different.
         if (model.mean[c](y, x) > kClipped) difference = std::min(difference, 0.0f);
@@ -41,9 +44,9 @@ void FindColorEvidenceScalar(const HalfPicture& picture, const BackgroundModel& 
       }
       evidence->room(y, x) = ToByte(kColorTail * std::min(D_t, kFarthest) + model.log_peak_room(y, x));
 
-      // piVE eq (5)-(8) in another form: I_t and s I_m have the same normalised rgb where only brightness changed, and
-      // the distance is measured where its noise is known, before the division. (piVE's sentence after eq (8) says
-      // that a distance above the threshold is background: a misprint, below.)
+      // piVE eq (5)-(8) in another form: I_t and s I_m have the same normalised rgb where only brightness
+      // changed, and the distance is measured where its noise is known, before the division. (piVE's sentence
+      // after eq (8) says that a distance above the threshold is background: a misprint, below.)
       const float s = along / std::max(length, 1e-3f);
       float chroma = 0;
       for (std::size_t c = 0; c < 3; ++c) {
@@ -53,8 +56,8 @@ void FindColorEvidenceScalar(const HalfPicture& picture, const BackgroundModel& 
       }
       const float cost = config.darkness_cost * std::max(config.usual_least - s, 0.0f) +
                          kBrighterCost * std::max(s - kBrighter, 0.0f);
-      evidence->shadow(y, x) = ToByte(kShadowTail * std::min(chroma, kFarthest) + model.log_peak_shadow(y, x) + cost +
-                                      texture(y / 2, x / 2));
+      evidence->shadow(y, x) = ToByte(kShadowTail * std::min(chroma, kFarthest) +
+                                      model.log_peak_shadow(y, x) + cost + texture(y / 2, x / 2));
     }
   }
 }

@@ -5,7 +5,8 @@
 
 namespace mixstage {
 
-// Real sensors and JPEG have heavier tails than a Gaussian: its exponent counts half (room) or two thirds (shadow).
+// Real sensors and JPEG have heavier tails than a Gaussian: its exponent counts half (room) or two thirds
+// (shadow).
 inline constexpr float kColorTail = 0.25f;
 inline constexpr float kShadowTail = 0.35f;
 inline constexpr float kFarthest = 400.0f;  // squared sigmas; beyond, the byte is saturated anyway

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Twin of FindColorEvidenceScalar (color_evidence.cc), which is the specification: same formulas, a vector of pixels at
-// a time. The last, partial vector of a row is computed again from its end, rows shorter than a vector one by one.
+// Twin of FindColorEvidenceScalar (color_evidence.cc), which is the specification: same formulas, a vector of
+// pixels at a time. The last, partial vector of a row is computed again from its end, rows shorter than a
+// vector one by one.
 #include <array>
 #include <cstdint>
 
@@ -47,13 +48,15 @@ HWY_INLINE V Load(D d, const std::uint8_t* from) {
 template <class D, class V = hn::Vec<D>>
 HWY_INLINE void StoreEvidence(D d, V log_odds, std::uint8_t* to) {
   const hn::Rebind<std::uint8_t, D> d8;
-  const auto scaled = hn::MulAdd(log_odds, hn::Set(d, 1.0f / kEvidencePerByte), hn::Set(d, kNoEvidence + 0.5f));
+  const auto scaled =
+      hn::MulAdd(log_odds, hn::Set(d, 1.0f / kEvidencePerByte), hn::Set(d, kNoEvidence + 0.5f));
   const auto clamped = hn::Min(hn::Max(scaled, hn::Zero(d)), hn::Set(d, 255.0f));
   hn::StoreU(hn::DemoteTo(d8, hn::ConvertTo(hn::Rebind<std::int32_t, D>(), clamped)), d8, to);
 }
 
 template <class D>
-HWY_INLINE void EvidenceAt(D d, const ColorRow& row, std::size_t x, const ToneChange& tone, const ShadowConfig& config) {
+HWY_INLINE void EvidenceAt(D d, const ColorRow& row, std::size_t x, const ToneChange& tone,
+                           const ShadowConfig& config) {
   using V = hn::Vec<D>;
   const V one = hn::Set(d, 1.0f);
   const V zero = hn::Zero(d);
@@ -77,8 +80,9 @@ HWY_INLINE void EvidenceAt(D d, const ColorRow& row, std::size_t x, const ToneCh
     length = hn::MulAdd(I_m[c], weighted, length);
   }
   const V farthest = hn::Set(d, kFarthest);
-  StoreEvidence(d, hn::MulAdd(hn::Set(d, kColorTail), hn::Min(D_t, farthest), hn::LoadU(d, row.log_peak_room + x)),
-                row.room + x);
+  StoreEvidence(
+      d, hn::MulAdd(hn::Set(d, kColorTail), hn::Min(D_t, farthest), hn::LoadU(d, row.log_peak_room + x)),
+      row.room + x);
 
   const V s = hn::Div(along, hn::Max(length, hn::Set(d, 1e-3f)));
   const V tolerance = hn::Mul(hn::Set(d, config.chroma_tolerance), hn::Sub(one, s));
@@ -86,13 +90,16 @@ HWY_INLINE void EvidenceAt(D d, const ColorRow& row, std::size_t x, const ToneCh
   for (std::size_t c = 0; c < 3; ++c) {
     const V allowed = hn::Mul(tolerance, I_m[c]);
     const V difference = hn::NegMulAdd(s, I_m[c], I_t[c]);
-    chroma = hn::Add(chroma, hn::Div(hn::Mul(difference, difference), hn::MulAdd(allowed, allowed, variance[c])));
+    chroma =
+        hn::Add(chroma, hn::Div(hn::Mul(difference, difference), hn::MulAdd(allowed, allowed, variance[c])));
   }
-  const V dark = hn::Mul(hn::Set(d, config.darkness_cost), hn::Max(hn::Sub(hn::Set(d, config.usual_least), s), zero));
+  const V dark =
+      hn::Mul(hn::Set(d, config.darkness_cost), hn::Max(hn::Sub(hn::Set(d, config.usual_least), s), zero));
   const V bright = hn::Mul(hn::Set(d, kBrighterCost), hn::Max(hn::Sub(s, hn::Set(d, kBrighter)), zero));
   const V likelihood =
       hn::MulAdd(hn::Set(d, kShadowTail), hn::Min(chroma, farthest), hn::LoadU(d, row.log_peak_shadow + x));
-  StoreEvidence(d, hn::Add(hn::Add(likelihood, hn::Add(dark, bright)), hn::LoadU(d, row.texture + x)), row.shadow + x);
+  StoreEvidence(d, hn::Add(hn::Add(likelihood, hn::Add(dark, bright)), hn::LoadU(d, row.texture + x)),
+                row.shadow + x);
 }
 
 void EvidenceRow(const ColorRow& row, std::size_t width, const ToneChange& tone, const ShadowConfig& config) {
@@ -131,9 +138,11 @@ void FindColorEvidence(const HalfPicture& picture, const BackgroundModel& model,
       for (std::size_t x = 0; x < width; ++x) wide[x] = narrow[x / 2];
     }
     const ColorRow row = {
-        .picture = {picture.r.ptr<std::uint8_t>(y), picture.g.ptr<std::uint8_t>(y), picture.b.ptr<std::uint8_t>(y)},
+        .picture = {picture.r.ptr<std::uint8_t>(y), picture.g.ptr<std::uint8_t>(y),
+                    picture.b.ptr<std::uint8_t>(y)},
         .mean = {model.mean[0].ptr<float>(y), model.mean[1].ptr<float>(y), model.mean[2].ptr<float>(y)},
-        .variance = {model.variance[0].ptr<float>(y), model.variance[1].ptr<float>(y), model.variance[2].ptr<float>(y)},
+        .variance = {model.variance[0].ptr<float>(y), model.variance[1].ptr<float>(y),
+                     model.variance[2].ptr<float>(y)},
         .log_peak_room = model.log_peak_room.ptr<float>(y),
         .log_peak_shadow = model.log_peak_shadow.ptr<float>(y),
         .texture = wide.data(),

@@ -32,8 +32,8 @@ void DepthEvidence::Run(ImageView<const float> depth_m, float age_s, const Backg
 
   for (int y = 0; y < size.height; ++y) {
     WeighDepthRow({depth_m_.ptr<float>(y), model.room_depth_m.ptr<float>(y), model.sigma_m.ptr<float>(y),
-              model.depth_weight.ptr<float>(y), model.log_peak_depth.ptr<float>(y)},
-             size.width, config, weight_.ptr<float>(y), weighted_.ptr<float>(y));
+                   model.depth_weight.ptr<float>(y), model.log_peak_depth.ptr<float>(y)},
+                  size.width, config, weight_.ptr<float>(y), weighted_.ptr<float>(y));
   }
   Box(weighted_, 3, &weighted_);
   Box(weight_, 3, &weight_);
@@ -44,12 +44,13 @@ void DepthEvidence::Run(ImageView<const float> depth_m, float age_s, const Backg
     const float* D = depth_m_.ptr<float>(y);
     const std::uint8_t* front = front_.ptr<std::uint8_t>(y);
     DecideDepthRow(weight_.ptr<float>(y), weighted_.ptr<float>(y), size.width, log_odds_.ptr<float>(y),
-              front_.ptr<std::uint8_t>(y), room_.ptr<std::uint8_t>(y));
+                   front_.ptr<std::uint8_t>(y), room_.ptr<std::uint8_t>(y));
     for (int x = 0; x < size.width; x += 4) {
       if (front[x] != 0 && HasDepth(D[x])) sum_m += D[x], ++count;
     }
   }
-  // How far the outline may have moved since depth was measured. A lens sees about its own width at its distance.
+  // How far the outline may have moved since depth was measured. A lens sees about its own width at its
+  // distance.
   const float distance_m = count > 0 ? std::max(sum_m / count, 0.3f) : 3.0f;
   const float moved = static_cast<float>(size.width) * config.actor_speed_m_s * age_s / distance_m;
   const int reach = static_cast<int>(std::lround(std::min(kGridReach + moved, 24.0f)));
@@ -58,13 +59,14 @@ void DepthEvidence::Run(ImageView<const float> depth_m, float age_s, const Backg
   cv::blur(room_, room_, window, {-1, -1}, cv::BORDER_REPLICATE);
   for (int y = 0; y < size.height; ++y) {
     TrustDepthRow(front_.ptr<std::uint8_t>(y), room_.ptr<std::uint8_t>(y), size.width, config.edge_weight,
-             log_odds_.ptr<float>(y), inside_.ptr<float>(y));
+                  log_odds_.ptr<float>(y), inside_.ptr<float>(y));
   }
 }
 
-void DepthKey(ImageView<const float> room_depth_m, ImageView<const float> sensor_depth_m, ImageView<const float> sigma_m,
-              ImageView<std::uint8_t> mask) {
-  MIX_CHECK(SameSize(room_depth_m, sensor_depth_m) && SameSize(room_depth_m, sigma_m) && SameSize(room_depth_m, mask));
+void DepthKey(ImageView<const float> room_depth_m, ImageView<const float> sensor_depth_m,
+              ImageView<const float> sigma_m, ImageView<std::uint8_t> mask) {
+  MIX_CHECK(SameSize(room_depth_m, sensor_depth_m) && SameSize(room_depth_m, sigma_m) &&
+            SameSize(room_depth_m, mask));
   for (int v = 0; v < mask.height(); ++v) {
     const float* D_M = room_depth_m.row(v);
     const float* D = sensor_depth_m.row(v);

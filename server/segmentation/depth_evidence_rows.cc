@@ -26,7 +26,8 @@ HWY_INLINE void WeighAt(D d, const DepthRow& row, int x, const DepthEvidenceConf
   const auto z = hn::Div(hn::Sub(D_M, D_uv), sigma);
   // Noise against "anywhere between the camera and the room".
   const auto in_front = Clamp(d, z, 0.0f, 14.0f);
-  const auto log_odds = hn::MulAdd(hn::Mul(in_front, in_front), hn::Set(d, 0.25f), hn::LoadU(d, row.log_peak + x));
+  const auto log_odds =
+      hn::MulAdd(hn::Mul(in_front, in_front), hn::Set(d, 0.25f), hn::LoadU(d, row.log_peak + x));
   // Eq. (1) is silent on holes: D = 0 would key every hole as an actor.
   const auto known = hn::And(hn::And(hn::Gt(D_uv, zero), hn::Gt(D_M, zero)), hn::Gt(z, hn::Set(d, kBehind)));
   const auto own = hn::IfThenElseZero(known, hn::LoadU(d, row.room_weight + x));
@@ -35,8 +36,8 @@ HWY_INLINE void WeighAt(D d, const DepthRow& row, int x, const DepthEvidenceConf
 }
 
 template <class D>
-HWY_INLINE void DecideAt(D d, const float* weight, const float* weighted, int x, float* log_odds, std::uint8_t* front,
-                         std::uint8_t* room) {
+HWY_INLINE void DecideAt(D d, const float* weight, const float* weighted, int x, float* log_odds,
+                         std::uint8_t* front, std::uint8_t* room) {
   const hn::Rebind<std::int32_t, D> d32;
   const hn::Rebind<std::uint8_t, D> d8;
   const auto w = hn::Max(hn::LoadU(d, weight + x), hn::Zero(d));
@@ -60,7 +61,8 @@ HWY_INLINE void TrustAt(D d, const std::uint8_t* front, const std::uint8_t* room
   const auto own = hn::LoadU(d, log_odds + x);
   const auto agree = hn::IfThenElse(hn::Gt(own, hn::Zero(d)), in_front, is_room);
   const auto share = hn::Div(agree, hn::Max(hn::Add(in_front, is_room), hn::Set(d, 12.0f)));
-  const auto scaled = hn::Mul(hn::Sub(share, hn::Set(d, kHalfTrust)), hn::Set(d, 1 / (kFullTrust - kHalfTrust)));
+  const auto scaled =
+      hn::Mul(hn::Sub(share, hn::Set(d, kHalfTrust)), hn::Set(d, 1 / (kFullTrust - kHalfTrust)));
   const auto trust = Clamp(d, scaled, 0.0f, 1.0f);
   hn::StoreU(hn::IfThenElseZero(hn::Gt(own, hn::Set(d, kFront)), trust), d, inside + x);
   const auto worth = hn::MulAdd(trust, hn::Set(d, 1 - edge_weight), hn::Set(d, edge_weight));
@@ -77,7 +79,8 @@ HWY_INLINE void ForRow(int width, const Step& step) {
   for (; x < width; ++x) step(hn::CappedTag<float, 1>(), x);
 }
 
-void WeighRow(const DepthRow& row, int width, const DepthEvidenceConfig& config, float* weight, float* weighted) {
+void WeighRow(const DepthRow& row, int width, const DepthEvidenceConfig& config, float* weight,
+              float* weighted) {
   ForRow(width, [&](auto d, int x) HWY_ATTR { WeighAt(d, row, x, config, weight, weighted); });
 }
 
@@ -86,8 +89,8 @@ void DecideRow(const float* weight, const float* weighted, int width, float* log
   ForRow(width, [&](auto d, int x) HWY_ATTR { DecideAt(d, weight, weighted, x, log_odds, front, room); });
 }
 
-void TrustRow(const std::uint8_t* front, const std::uint8_t* room, int width, float edge_weight, float* log_odds,
-              float* inside) {
+void TrustRow(const std::uint8_t* front, const std::uint8_t* room, int width, float edge_weight,
+              float* log_odds, float* inside) {
   ForRow(width, [&](auto d, int x) HWY_ATTR { TrustAt(d, front, room, x, edge_weight, log_odds, inside); });
 }
 
@@ -102,17 +105,18 @@ HWY_EXPORT(WeighRow);
 HWY_EXPORT(DecideRow);
 HWY_EXPORT(TrustRow);
 
-void WeighDepthRow(const DepthRow& row, int width, const DepthEvidenceConfig& config, float* weight, float* weighted) {
+void WeighDepthRow(const DepthRow& row, int width, const DepthEvidenceConfig& config, float* weight,
+                   float* weighted) {
   HWY_DYNAMIC_DISPATCH(WeighRow)(row, width, config, weight, weighted);
 }
 
-void DecideDepthRow(const float* weight, const float* weighted, int width, float* log_odds, std::uint8_t* front,
-                    std::uint8_t* room) {
+void DecideDepthRow(const float* weight, const float* weighted, int width, float* log_odds,
+                    std::uint8_t* front, std::uint8_t* room) {
   HWY_DYNAMIC_DISPATCH(DecideRow)(weight, weighted, width, log_odds, front, room);
 }
 
-void TrustDepthRow(const std::uint8_t* front, const std::uint8_t* room, int width, float edge_weight, float* log_odds,
-                   float* inside) {
+void TrustDepthRow(const std::uint8_t* front, const std::uint8_t* room, int width, float edge_weight,
+                   float* log_odds, float* inside) {
   HWY_DYNAMIC_DISPATCH(TrustRow)(front, room, width, edge_weight, log_odds, inside);
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The three per-pixel steps of DepthEvidence, a row at a time, SIMD by Highway; any width, no alignment needed. A row's
-// last pixels go through the same code one by one, so every width gives the same values.
+// The three per-pixel steps of DepthEvidence, a row at a time, SIMD by Highway; any width, no alignment
+// needed. A row's last pixels go through the same code one by one, so every width gives the same values.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +10,8 @@
 
 namespace mixstage {
 
-// Far behind the room (in sigma): a thing has been taken away, or a range wrapped round. Neither room nor actor.
+// Far behind the room (in sigma): a thing has been taken away, or a range wrapped round. Neither room nor
+// actor.
 inline constexpr float kBehind = -4.0f;
 // Log-odds from which a pixel is counted as in front of the room, and as the room.
 inline constexpr float kFront = 1.0f;
@@ -28,12 +29,14 @@ struct DepthRow {
 };
 
 // Eq. (1) as log-odds times weight, and the weight (0 at holes).
-void WeighDepthRow(const DepthRow& row, int width, const DepthEvidenceConfig& config, float* weight, float* weighted);
+void WeighDepthRow(const DepthRow& row, int width, const DepthEvidenceConfig& config, float* weight,
+                   float* weighted);
 // Means of both -> log-odds; front and room: 255 where that is clear.
-void DecideDepthRow(const float* weight, const float* weighted, int width, float* log_odds, std::uint8_t* front,
-                    std::uint8_t* room);
-// front, room: now shares (0..255) of a window that say so. Of those that say anything, how many agree with the pixel?
-void TrustDepthRow(const std::uint8_t* front, const std::uint8_t* room, int width, float edge_weight, float* log_odds,
-                   float* inside);
+void DecideDepthRow(const float* weight, const float* weighted, int width, float* log_odds,
+                    std::uint8_t* front, std::uint8_t* room);
+// front, room: now shares (0..255) of a window that say so. Of those that say anything, how many agree with
+// the pixel?
+void TrustDepthRow(const std::uint8_t* front, const std::uint8_t* room, int width, float edge_weight,
+                   float* log_odds, float* inside);
 
 }  // namespace mixstage

@@ -11,13 +11,15 @@
 namespace mixstage {
 namespace {
 
-constexpr int kReach = 4;  // of the neighbourhood that F and the room's light come from, sampled at every second pixel
+constexpr int kReach =
+    4;  // of the neighbourhood that F and the room's light come from, sampled at every second pixel
 constexpr int kLeastSamples = 3;
 // |F - B|^2 in units of the noise at which the projection and the evidence weigh the same.
 constexpr float kEqualContrast = 100.0f;
 
 std::array<float, 3> PixelAt(const HalfPicture& picture, int x, int y) {
-  return {static_cast<float>(picture.r(y, x)), static_cast<float>(picture.g(y, x)), static_cast<float>(picture.b(y, x))};
+  return {static_cast<float>(picture.r(y, x)), static_cast<float>(picture.g(y, x)),
+          static_cast<float>(picture.b(y, x))};
 }
 
 std::array<float, 3> RoomAt(const BackgroundModel& model, const ToneChange& tone, int x, int y) {
@@ -67,8 +69,8 @@ Surroundings LookAround(const HalfPicture& picture, const BackgroundModel& model
 }
 
 // C = a F + (1 - a) B solved for a at one pixel, in units of the noise.
-void Place(const HalfPicture& picture, const BackgroundModel& model, const ToneChange& tone, const Surroundings& around,
-           int x, int y, cv::Mat1b* alpha) {
+void Place(const HalfPicture& picture, const BackgroundModel& model, const ToneChange& tone,
+           const Surroundings& around, int x, int y, cv::Mat1b* alpha) {
   const auto C = PixelAt(picture, x, y);
   auto B = RoomAt(model, tone, x, y);
   float along = 0, contrast = 0;
@@ -97,7 +99,9 @@ void EdgeCoverage::Run(const HalfPicture& picture, const BackgroundModel& model,
     for (int x = 0; x < mask.cols; x += 2) {
       const int bottom = std::min(y + 1, mask.rows - 1);
       const int right = std::min(x + 1, mask.cols - 1);
-      const auto is_band = [&](int u, int v) { return inner_.ptr<std::uint8_t>(v)[u] != outer_.ptr<std::uint8_t>(v)[u]; };
+      const auto is_band = [&](int u, int v) {
+        return inner_.ptr<std::uint8_t>(v)[u] != outer_.ptr<std::uint8_t>(v)[u];
+      };
       if (!is_band(x, y) && !is_band(right, y) && !is_band(x, bottom) && !is_band(right, bottom)) continue;
       const Surroundings around = LookAround(picture, model, tone, inner_, outer_, x, y);
       if (around.inner_count < kLeastSamples) continue;

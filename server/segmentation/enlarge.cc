@@ -74,7 +74,8 @@ void EnlargeTwice(const cv::Mat1b& from, ImageView<std::uint8_t> to) {
   for (int y = 0; y < to.height(); ++y) {
     const int near = y / 2;
     const int far = std::clamp(y % 2 == 0 ? near - 1 : near + 1, 0, from.rows - 1);
-    HWY_DYNAMIC_DISPATCH(MixRows)(from.ptr<std::uint8_t>(near), from.ptr<std::uint8_t>(far), from.cols, mixed.data());
+    HWY_DYNAMIC_DISPATCH(MixRows)
+    (from.ptr<std::uint8_t>(near), from.ptr<std::uint8_t>(far), from.cols, mixed.data());
     if (to.width() == 2 * from.cols) {
       HWY_DYNAMIC_DISPATCH(SpreadRow)(mixed.data(), from.cols, to.row(y));
     } else {

@@ -29,7 +29,8 @@ struct FusionRow {
 // A neighbourhood counts as "the room" from -1.5 log-odds on average, fully at -3.5.
 inline constexpr float kRoomFrom = 1.5f;
 inline constexpr float kRoomFully = 3.5f;
-// A pixel that equals the room amid others that do not: little, an actor's colours meet the room's here and there.
+// A pixel that equals the room amid others that do not: little, an actor's colours meet the room's here and
+// there.
 inline constexpr float kLoneRoom = 1.5f;
 inline constexpr float kLoneRoomInside = 0.5f;
 inline constexpr float kLeastShadow = -4.0f;
@@ -64,7 +65,8 @@ HWY_INLINE void FuseAt(D d, const FusionRow& row, std::size_t x) {
   const auto inside = hn::Mul(LoadByte(d, row.inside + x), hn::Set(d, 1.0f / 255));
   const auto outside = hn::Sub(one, inside);
 
-  const auto ramp = hn::Mul(hn::Sub(hn::Set(d, -kRoomFrom), around), hn::Set(d, 1 / (kRoomFully - kRoomFrom)));
+  const auto ramp =
+      hn::Mul(hn::Sub(hn::Set(d, -kRoomFrom), around), hn::Set(d, 1 / (kRoomFully - kRoomFrom)));
   const auto sure = hn::Min(hn::Max(ramp, zero), one);
   const auto together = hn::Mul(hn::Mul(hn::Set(d, row.room_weight), sure), outside);
   const auto lone = hn::Mul(hn::Sub(one, sure), hn::MulAdd(hn::Set(d, kLoneRoom), outside,
@@ -122,7 +124,9 @@ void Fuse(const FusionInput& in, cv::Mat1b* evidence) {
 
 void FuseScalar(const FusionInput& in, cv::Mat1b* evidence) {
   evidence->create(in.room.size());
-  const auto log_odds = [](std::uint8_t byte) { return static_cast<float>(byte - kNoEvidence) * kEvidencePerByte; };
+  const auto log_odds = [](std::uint8_t byte) {
+    return static_cast<float>(byte - kNoEvidence) * kEvidencePerByte;
+  };
   for (int y = 0; y < in.room.rows; ++y) {
     for (int x = 0; x < in.room.cols; ++x) {
       const float room = log_odds(in.room(y, x));

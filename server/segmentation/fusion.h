@@ -19,8 +19,9 @@ struct FusionInput {  // all [h x w] bytes of evidence (color_evidence.h) unless
   float room_weight;
 };
 
-// evidence [h x w] out. Rules: what equals the room over a neighbourhood is the room, unless depth is sure (a white
-// sleeve over a white desk); what differs is actor or shadow, whichever explains it; depth adds its own log-odds.
+// evidence [h x w] out. Rules: what equals the room over a neighbourhood is the room, unless depth is sure (a
+// white sleeve over a white desk); what differs is actor or shadow, whichever explains it; depth adds its own
+// log-odds.
 void Fuse(const FusionInput& input, cv::Mat1b* evidence);
 // The specification of Fuse, pixel by pixel; differs by one step at most.
 void FuseScalar(const FusionInput& input, cv::Mat1b* evidence);

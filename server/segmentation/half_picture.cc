@@ -16,7 +16,8 @@ namespace mixstage {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// out[x] = rounded mean of the 2x2 block at 2x; both rows are `width` long, the last column of an odd row counts twice.
+// out[x] = rounded mean of the 2x2 block at 2x; both rows are `width` long, the last column of an odd row
+// counts twice.
 void PoolRows(const std::uint8_t* HWY_RESTRICT top, const std::uint8_t* HWY_RESTRICT bottom, int width,
               std::uint8_t* HWY_RESTRICT out) {
   const hn::ScalableTag<std::int16_t> d16;
@@ -42,7 +43,8 @@ void AverageRows(const std::uint8_t* HWY_RESTRICT top, const std::uint8_t* HWY_R
   for (int x = 0; x < width; ++x) out[x] = static_cast<std::uint8_t>((top[x] + bottom[x] + 1) / 2);
 }
 
-// JFIF with factors in 1/256; chroma is raised by 7 bits so that one rounding high multiply gives whole levels.
+// JFIF with factors in 1/256; chroma is raised by 7 bits so that one rounding high multiply gives whole
+// levels.
 void ConvertRow(const std::uint8_t* HWY_RESTRICT luma, const std::uint8_t* HWY_RESTRICT cb,
                 const std::uint8_t* HWY_RESTRICT cr, int width, std::uint8_t* HWY_RESTRICT r,
                 std::uint8_t* HWY_RESTRICT g, std::uint8_t* HWY_RESTRICT b) {
@@ -56,8 +58,8 @@ void ConvertRow(const std::uint8_t* HWY_RESTRICT luma, const std::uint8_t* HWY_R
     const auto u = hn::ShiftLeft<7>(hn::Sub(hn::PromoteTo(d16, hn::LoadU(d8, cb + x)), bias));
     const auto v = hn::ShiftLeft<7>(hn::Sub(hn::PromoteTo(d16, hn::LoadU(d8, cr + x)), bias));
     const auto red = hn::Add(y, hn::MulFixedPoint15(v, hn::Set(d16, 359)));
-    const auto green = hn::Sub(y, hn::Add(hn::MulFixedPoint15(u, hn::Set(d16, 88)),
-                                          hn::MulFixedPoint15(v, hn::Set(d16, 183))));
+    const auto green = hn::Sub(
+        y, hn::Add(hn::MulFixedPoint15(u, hn::Set(d16, 88)), hn::MulFixedPoint15(v, hn::Set(d16, 183))));
     const auto blue = hn::Add(y, hn::MulFixedPoint15(u, hn::Set(d16, 454)));
     hn::StoreU(hn::DemoteTo(d8, red), d8, r + x);
     hn::StoreU(hn::DemoteTo(d8, green), d8, g + x);
@@ -116,7 +118,8 @@ void HalfRgb(const YuvImage& image, HalfPicture* half) {
     const std::uint8_t* cb = HalfChromaRow(image.cb, image.layout, y, luma + width);
     const std::uint8_t* cr = HalfChromaRow(image.cr, image.layout, y, luma + 2 * width);
     HWY_DYNAMIC_DISPATCH(ConvertRow)
-    (luma, cb, cr, width, half->r.ptr<std::uint8_t>(y), half->g.ptr<std::uint8_t>(y), half->b.ptr<std::uint8_t>(y));
+    (luma, cb, cr, width, half->r.ptr<std::uint8_t>(y), half->g.ptr<std::uint8_t>(y),
+     half->b.ptr<std::uint8_t>(y));
   }
 }
 

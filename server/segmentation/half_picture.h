@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The picture that the key looks at: RGB (sRGB, 8 bit) at half the camera's width and height. Chroma of a camera's
-// JPEG has that resolution anyway, and averaging four luma samples halves the sensor's noise.
+// The picture that the key looks at: RGB (sRGB, 8 bit) at half the camera's width and height. Chroma of a
+// camera's JPEG has that resolution anyway, and averaging four luma samples halves the sensor's noise.
 #pragma once
 
 #include <opencv2/core.hpp>
@@ -23,8 +23,9 @@ struct HalfPicture {
   [[nodiscard]] int height() const { return r.rows; }
 };
 
-// Averages 2x2 pixels of any chroma layout (JFIF: BT.601, full range) and converts to RGB; odd sizes repeat the last
-// row or column. Rounded to 8 bit, within 2 levels of the exact equations. Allocates only where `half` has another size.
+// Averages 2x2 pixels of any chroma layout (JFIF: BT.601, full range) and converts to RGB; odd sizes repeat
+// the last row or column. Rounded to 8 bit, within 2 levels of the exact equations. Allocates only where
+// `half` has another size.
 void HalfRgb(const YuvImage& image, HalfPicture* half);
 
 }  // namespace mixstage

@@ -18,7 +18,8 @@ namespace {
 constexpr float kAlphaPerByte = 4.0f;
 
 // Log-odds [Quarter x Quarter] -> bytes at half size.
-void EnlargeEvidence(const cv::Mat1f& from, float scale, float offset, cv::Size half, cv::Mat1b* small, cv::Mat1b* to) {
+void EnlargeEvidence(const cv::Mat1f& from, float scale, float offset, cv::Size half, cv::Mat1b* small,
+                     cv::Mat1b* to) {
   from.convertTo(*small, CV_8U, scale, offset);
   to->create(half);
   EnlargeTwice(*small, View(*to));
@@ -27,24 +28,26 @@ void EnlargeEvidence(const cv::Mat1f& from, float scale, float offset, cv::Size 
 }  // namespace
 
 Result<Key> Key::Create(const KeyConfig& c) {
-  for (const float value : {c.actor_prior, c.room_weight, c.neighbor_strength, c.shadow.darkness_cost, c.depth.most,
-                            c.depth.least}) {
+  for (const float value : {c.actor_prior, c.room_weight, c.neighbor_strength, c.shadow.darkness_cost,
+                            c.depth.most, c.depth.least}) {
     if (!std::isfinite(value) || std::abs(value) > 100) {
       return Fail(ErrorCode::kInvalidConfig, "the key's log-odds must be finite and within 100");
     }
   }
   if (c.neighbor_rounds < 0 || c.neighbor_rounds > 8 || c.neighbor_strength < 0 || c.room_weight < 0) {
-    return Fail(ErrorCode::kInvalidConfig, "neighbor_rounds must be 0 to 8, neighbor_strength and room_weight >= 0");
+    return Fail(ErrorCode::kInvalidConfig,
+                "neighbor_rounds must be 0 to 8, neighbor_strength and room_weight >= 0");
   }
   if (!(c.depth.most > 0 && c.depth.least < 0 && c.depth.actor_speed_m_s >= 0)) {
-    return Fail(ErrorCode::kInvalidConfig, "depth.most must be > 0, depth.least < 0, depth.actor_speed_m_s >= 0");
+    return Fail(ErrorCode::kInvalidConfig,
+                "depth.most must be > 0, depth.least < 0, depth.actor_speed_m_s >= 0");
   }
   if (!(c.shadow.chroma_tolerance >= 0 && c.shadow.chroma_tolerance <= 1 && c.shadow.usual_least >= 0 &&
         c.shadow.usual_least <= 1)) {
     return Fail(ErrorCode::kInvalidConfig, "shadow.chroma_tolerance and shadow.usual_least must lie in 0..1");
   }
-  if (!(c.regions.least_actor_share >= 0 && c.regions.least_actor_share < 1 && c.regions.largest_hole_share >= 0 &&
-        c.regions.largest_hole_share < 1)) {
+  if (!(c.regions.least_actor_share >= 0 && c.regions.least_actor_share < 1 &&
+        c.regions.largest_hole_share >= 0 && c.regions.largest_hole_share < 1)) {
     return Fail(ErrorCode::kInvalidConfig, "regions: shares of the picture must lie in 0..1");
   }
   return Key(c);
@@ -65,7 +68,8 @@ void Key::Run(const BackgroundModel& model, const HalfPicture& picture, ImageVie
 
   if (!depth_m.empty() && model.has_depth()) {
     depth_evidence_.Run(depth_m, depth_age_s, model, config_.depth);
-    EnlargeEvidence(depth_evidence_.log_odds(), 1 / kEvidencePerByte, kNoEvidence, half, &depth_small_, &depth_);
+    EnlargeEvidence(depth_evidence_.log_odds(), 1 / kEvidencePerByte, kNoEvidence, half, &depth_small_,
+                    &depth_);
     EnlargeEvidence(depth_evidence_.inside(), 255, 0, half, &inside_small_, &inside_);
   } else {
     depth_.create(half);

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The key: which pixels are the actor. MixIn3D 2.4 (depth against the room) and piVE 3 (colour against the empty set,
-// shadow as a third label) decide together: depth settles the inside and excludes shadow, colour places the edge.
+// The key: which pixels are the actor. MixIn3D 2.4 (depth against the room) and piVE 3 (colour against the
+// empty set, shadow as a third label) decide together: depth settles the inside and excludes shadow, colour
+// places the edge.
 #pragma once
 
 #include <cstdint>
@@ -21,10 +22,10 @@
 namespace mixstage {
 
 struct KeyConfig {
-  float actor_prior = -0.5f;     // log-odds of "actor" before anything is seen
-  float room_weight = 8.0f;      // log-odds against "actor" where a whole neighbourhood equals the room
+  float actor_prior = -0.5f;       // log-odds of "actor" before anything is seen
+  float room_weight = 8.0f;        // log-odds against "actor" where a whole neighbourhood equals the room
   float neighbor_strength = 3.0f;  // log-odds of a neighbourhood that agrees; 0 = every pixel alone
-  int neighbor_rounds = 2;       // 0..8
+  int neighbor_rounds = 2;         // 0..8
   ShadowConfig shadow{};
   DepthEvidenceConfig depth{};
   RegionConfig regions{};
@@ -40,10 +41,10 @@ class Key {
   // depth_age_s  >= 0: colour's instant less depth's (what motion compensation has not removed)
   // label    [h x w]  out: values of Label
   // alpha    [h x w]  out: coverage 0..255; >= 128 exactly where label is kLabelActor
-  // Sizes that differ from the model's are a caller bug (checked). Remembers only where the last frame's actor was, and
-  // that only for the tone change. Allocates on a new size only; one thread at a time.
-  void Run(const BackgroundModel& model, const HalfPicture& picture, ImageView<const float> depth_m, float depth_age_s,
-           ImageView<std::uint8_t> label, ImageView<std::uint8_t> alpha);
+  // Sizes that differ from the model's are a caller bug (checked). Remembers only where the last frame's
+  // actor was, and that only for the tone change. Allocates on a new size only; one thread at a time.
+  void Run(const BackgroundModel& model, const HalfPicture& picture, ImageView<const float> depth_m,
+           float depth_age_s, ImageView<std::uint8_t> label, ImageView<std::uint8_t> alpha);
 
   // Of the last Run, [Half(h) x Half(w)]: 255 actor, 0 else. For the actor's surface.
   [[nodiscard]] const cv::Mat1b& half_mask() const { return half_mask_; }
@@ -63,10 +64,10 @@ class Key {
   EdgeCoverage edge_coverage_;
   ColorEvidence color_;
   cv::Mat1f texture_;
-  cv::Mat1b room_around_;              // [Half x Half] mean of color_.room over 5x5
+  cv::Mat1b room_around_;                 // [Half x Half] mean of color_.room over 5x5
   cv::Mat1b depth_small_, inside_small_;  // [Quarter x Quarter] as bytes
-  cv::Mat1b depth_, inside_;           // the same at half size
-  cv::Mat1b evidence_, decision_;      // [Half x Half]
+  cv::Mat1b depth_, inside_;              // the same at half size
+  cv::Mat1b evidence_, decision_;         // [Half x Half]
   cv::Mat1b half_mask_, half_alpha_, half_shadow_, actor_around_;
 };
 

@@ -41,11 +41,13 @@ namespace mixstage {
 
 HWY_EXPORT(LabelRow);
 
-void WriteLabels(ImageView<const std::uint8_t> alpha, const cv::Mat1b& room_label, ImageView<std::uint8_t> label) {
+void WriteLabels(ImageView<const std::uint8_t> alpha, const cv::Mat1b& room_label,
+                 ImageView<std::uint8_t> label) {
   MIX_CHECK(SameSize(alpha, label));
   MIX_CHECK(room_label.cols == (label.width() + 1) / 2 && room_label.rows == (label.height() + 1) / 2);
   for (int y = 0; y < label.height(); ++y) {
-    HWY_DYNAMIC_DISPATCH(LabelRow)(alpha.row(y), room_label.ptr<std::uint8_t>(y / 2), label.width(), label.row(y));
+    HWY_DYNAMIC_DISPATCH(LabelRow)
+    (alpha.row(y), room_label.ptr<std::uint8_t>(y / 2), label.width(), label.row(y));
   }
 }
 

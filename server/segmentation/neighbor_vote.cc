@@ -40,8 +40,8 @@ void VoteRow(const std::uint8_t* HWY_RESTRICT from, int width, std::uint8_t* HWY
 }
 
 // to = own + weight * (mean - 128) / 128, saturating.
-void AddVoteRow(const std::uint8_t* HWY_RESTRICT own, const std::uint8_t* HWY_RESTRICT mean, int weight, int width,
-                std::uint8_t* HWY_RESTRICT to) {
+void AddVoteRow(const std::uint8_t* HWY_RESTRICT own, const std::uint8_t* HWY_RESTRICT mean, int weight,
+                int width, std::uint8_t* HWY_RESTRICT to) {
   const hn::ScalableTag<std::int16_t> d16;
   const hn::Rebind<std::uint8_t, decltype(d16)> d8;
   const int lanes = static_cast<int>(hn::Lanes(d16));
@@ -50,7 +50,8 @@ void AddVoteRow(const std::uint8_t* HWY_RESTRICT own, const std::uint8_t* HWY_RE
   int x = 0;
   for (; x + lanes <= width; x += lanes) {
     const auto vote = hn::Sub(hn::PromoteTo(d16, hn::LoadU(d8, mean + x)), middle);
-    const auto sum = hn::Add(hn::PromoteTo(d16, hn::LoadU(d8, own + x)), hn::ShiftRight<7>(hn::Mul(vote, factor)));
+    const auto sum =
+        hn::Add(hn::PromoteTo(d16, hn::LoadU(d8, own + x)), hn::ShiftRight<7>(hn::Mul(vote, factor)));
     hn::StoreU(hn::DemoteTo(d8, sum), d8, to + x);
   }
   for (; x < width; ++x) {
@@ -76,12 +77,14 @@ void NeighborVote::Run(const cv::Mat1b& evidence, float strength, int rounds, cv
   const int weight = static_cast<int>(std::min(strength / kEvidencePerByte, 255.0f));
   for (int round = 0; round < rounds; ++round) {
     for (int y = 0; y < evidence.rows; ++y) {
-      HWY_DYNAMIC_DISPATCH(VoteRow)(decision->ptr<std::uint8_t>(y), evidence.cols, vote_.ptr<std::uint8_t>(y));
+      HWY_DYNAMIC_DISPATCH(VoteRow)
+      (decision->ptr<std::uint8_t>(y), evidence.cols, vote_.ptr<std::uint8_t>(y));
     }
     cv::blur(vote_, mean_, {7, 7}, {-1, -1}, cv::BORDER_REPLICATE);
     for (int y = 0; y < evidence.rows; ++y) {
       HWY_DYNAMIC_DISPATCH(AddVoteRow)
-      (evidence.ptr<std::uint8_t>(y), mean_.ptr<std::uint8_t>(y), weight, evidence.cols, decision->ptr<std::uint8_t>(y));
+      (evidence.ptr<std::uint8_t>(y), mean_.ptr<std::uint8_t>(y), weight, evidence.cols,
+       decision->ptr<std::uint8_t>(y));
     }
   }
 }

@@ -29,7 +29,8 @@ void RegionFilter::Unite(int a, int b) {
   gone.parent = keep.parent;
 }
 
-void RegionFilter::LabelRow(const cv::Mat1b& decision, const cv::Mat1b& evidence, int y, std::size_t above_begin) {
+void RegionFilter::LabelRow(const cv::Mat1b& decision, const cv::Mat1b& evidence, int y,
+                            std::size_t above_begin) {
   const std::uint8_t* side = decision.ptr<std::uint8_t>(y);
   const std::uint8_t* own = evidence.ptr<std::uint8_t>(y);
   constexpr int kLimit = static_cast<int>(3 / kEvidencePerByte);
@@ -48,7 +49,8 @@ void RegionFilter::LabelRow(const cv::Mat1b& decision, const cv::Mat1b& evidence
                         begin == 0 || end == width || y == 0 || y + 1 == decision.rows});
     while (above < above_end && stretches_[above].end <= begin) ++above;
     for (std::size_t i = above; i < above_end && stretches_[i].begin < end; ++i) {
-      if (regions_[static_cast<std::size_t>(stretches_[i].region)].actor == actor) Unite(region, stretches_[i].region);
+      if (regions_[static_cast<std::size_t>(stretches_[i].region)].actor == actor)
+        Unite(region, stretches_[i].region);
     }
     stretches_.push_back({y, begin, end, region});
     begin = end;
@@ -75,7 +77,8 @@ void RegionFilter::Run(const cv::Mat1b& evidence, const RegionConfig& config, cv
     const bool drop = region.actor && region.evidence < least;
     // A small hole is filled unless its pixels clearly show the room.
     const float doubt = area < 0.1f * largest_hole ? 2.0f : 1.0f;
-    const bool fill = !region.actor && !region.border && area < largest_hole && region.evidence > -doubt * area;
+    const bool fill =
+        !region.actor && !region.border && area < largest_hole && region.evidence > -doubt * area;
     if (!drop && !fill) continue;
     std::uint8_t* row = decision->ptr<std::uint8_t>(s.y);
     std::fill(row + s.begin, row + s.end, static_cast<std::uint8_t>(drop ? 0 : 255));

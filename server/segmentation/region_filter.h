@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Second half of piVE 3's clean-up: specks and holes, by the evidence that they hold instead of by a median's window.
+// Second half of piVE 3's clean-up: specks and holes, by the evidence that they hold instead of by a median's
+// window.
 #pragma once
 
 #include <cstdint>
@@ -10,11 +11,14 @@
 namespace mixstage {
 
 struct RegionConfig {
-  float least_actor_share = 0.0003f;  // of the picture: regions with less evidence than such a patch of clear actor go
-  float largest_hole_share = 0.004f;  // of the picture: larger holes are background seen through an arm or leg
+  float least_actor_share =
+      0.0003f;  // of the picture: regions with less evidence than such a patch of clear actor go
+  float largest_hole_share =
+      0.004f;  // of the picture: larger holes are background seen through an arm or leg
 };
 
-// Labels 4-connected runs, drops actor regions and fills holes (regions of background that do not touch the border).
+// Labels 4-connected runs, drops actor regions and fills holes (regions of background that do not touch the
+// border).
 class RegionFilter {
  public:
   // decision [h x w] in/out (actor where > 128): changed pixels are set to the other side, at full strength.

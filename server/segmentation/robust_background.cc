@@ -28,7 +28,8 @@ cv::Mat1b RemoveTone(const cv::Mat1b& plane, float gain, float offset) {
   cv::Mat1b table(1, 256);
   for (int i = 0; i < 256; ++i) {
     // A clipped value stays clipped: divided by a gain above one it would look like a change.
-    const float value = i >= 250 && gain > 1 ? static_cast<float>(i) : (static_cast<float>(i) - offset) / gain;
+    const float value =
+        i >= 250 && gain > 1 ? static_cast<float>(i) : (static_cast<float>(i) - offset) / gain;
     table(0, i) = cv::saturate_cast<std::uint8_t>(value);
   }
   cv::Mat1b out;
@@ -78,7 +79,8 @@ std::vector<std::array<std::uint8_t, 3>> MedianRow(const std::vector<Planes>& pl
     for (std::size_t c = 0; c < 3; ++c) {
       values.clear();
       for (const Planes& sample : planes) {
-        if (sample.usable(y, static_cast<int>(x)) != 0) values.push_back(sample.channel[c](y, static_cast<int>(x)));
+        if (sample.usable(y, static_cast<int>(x)) != 0)
+          values.push_back(sample.channel[c](y, static_cast<int>(x)));
       }
       if (values.empty()) continue;
       const auto half = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -89,7 +91,8 @@ std::vector<std::array<std::uint8_t, 3>> MedianRow(const std::vector<Planes>& pl
   return middle;
 }
 
-int DistanceFromMedian(const Planes& sample, const std::vector<std::array<std::uint8_t, 3>>& middle, int x, int y) {
+int DistanceFromMedian(const Planes& sample, const std::vector<std::array<std::uint8_t, 3>>& middle, int x,
+                       int y) {
   int away = 0;
   for (std::size_t c = 0; c < 3; ++c) {
     away = std::max(away, std::abs(sample.channel[c](y, x) - middle[static_cast<std::size_t>(x)][c]));
@@ -97,12 +100,15 @@ int DistanceFromMedian(const Planes& sample, const std::vector<std::array<std::u
   return away;
 }
 
-// One row: for each sample the number of samples that look like it; the winner's cluster gives mean and sigma.
+// One row: for each sample the number of samples that look like it; the winner's cluster gives mean and
+// sigma.
 void VoteRow(const std::vector<Planes>& planes, int y, RoomStatistics* s) {
   const int width = s->mean[0].cols;
   const std::size_t n = planes.size();
-  std::vector<std::uint8_t> votes(static_cast<std::size_t>(width)), best(votes.size(), 0), winner(votes.size(), 0);
-  std::vector<std::uint8_t> nearest(votes.size(), 255), at_median(votes.size(), 0), median_votes(votes.size(), 0);
+  std::vector<std::uint8_t> votes(static_cast<std::size_t>(width)), best(votes.size(), 0),
+      winner(votes.size(), 0);
+  std::vector<std::uint8_t> nearest(votes.size(), 255), at_median(votes.size(), 0),
+      median_votes(votes.size(), 0);
   const std::vector<std::array<std::uint8_t, 3>> middle = MedianRow(planes, y);
   for (std::size_t i = 0; i < n; ++i) {
     std::fill(votes.begin(), votes.end(), std::uint8_t{0});
@@ -132,8 +138,8 @@ void VoteRow(const std::vector<Planes>& planes, int y, RoomStatistics* s) {
       }
     }
   }
-  // Things that people put down and take up again have no single colour: between the largest cluster and a median's
-  // that is half as large, the median stays.
+  // Things that people put down and take up again have no single colour: between the largest cluster and a
+  // median's that is half as large, the median stays.
   for (std::size_t x = 0; x < votes.size(); ++x) {
     if (2 * median_votes[x] >= best[x]) winner[x] = at_median[x];
   }
@@ -173,7 +179,8 @@ void FarthestDepth(std::span<const BackgroundEstimator::Sample> samples, float f
     ++frames;
   }
   if (frames < 3) return;
-  const auto need = std::max<std::size_t>(3, static_cast<std::size_t>(std::ceil(far_share * static_cast<float>(frames))));
+  const auto need =
+      std::max<std::size_t>(3, static_cast<std::size_t>(std::ceil(far_share * static_cast<float>(frames))));
   for (cv::Mat1f* plane : {&s->depth_m, &s->depth_sigma_m, &s->depth_share}) {
     plane->create(size);
     plane->setTo(0);
@@ -191,11 +198,13 @@ void FarthestDepth(std::span<const BackgroundEstimator::Sample> samples, float f
         const float middle = values[i + need / 2];
         const auto first = std::find_if(values.begin(), values.end(),
                                         [&](float z) { return z < middle + SameSurface_m(middle); });
-        const auto last = std::find_if(first, values.end(), [&](float z) { return z < middle - SameSurface_m(middle); });
+        const auto last =
+            std::find_if(first, values.end(), [&](float z) { return z < middle - SameSurface_m(middle); });
         const float room = *(first + (last - first) / 2);
         std::vector<float> spread;
         for (auto it = first; it != last; ++it) spread.push_back(std::abs(*it - room));
-        std::nth_element(spread.begin(), spread.begin() + static_cast<std::ptrdiff_t>(spread.size() / 2), spread.end());
+        std::nth_element(spread.begin(), spread.begin() + static_cast<std::ptrdiff_t>(spread.size() / 2),
+                         spread.end());
         s->depth_m(y, x) = room;
         s->depth_sigma_m(y, x) = 1.4826f * spread[spread.size() / 2];
         s->depth_share(y, x) = static_cast<float>(last - first) / static_cast<float>(frames);

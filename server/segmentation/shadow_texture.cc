@@ -31,8 +31,9 @@ namespace mixstage {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Adds a row's products to `out` (first = 0) or on top of it (first = 1: keep); every second column is enough, since
-// the window that follows covers 6x6 of these pixels and neighbours are already means of four samples.
+// Adds a row's products to `out` (first = 0) or on top of it (first = 1: keep); every second column is
+// enough, since the window that follows covers 6x6 of these pixels and neighbours are already means of four
+// samples.
 void AddProducts(const TextureRow& row, int width, float gain, float offset, float keep) {
   const hn::ScalableTag<float> d;
   const hn::Rebind<std::int32_t, decltype(d)> d32;
@@ -45,9 +46,9 @@ void AddProducts(const TextureRow& row, int width, float gain, float offset, flo
       hn::LoadInterleaved2(d8, plane + 2 * x, first, second);
       return hn::ConvertTo(d, hn::PromoteTo(d32, first));
     };
-    const auto now = hn::MulAdd(
-        even(row.r), hn::Set(d, 0.299f),
-        hn::MulAdd(even(row.g), hn::Set(d, 0.587f), hn::Mul(even(row.b), hn::Set(d, 0.114f))));
+    const auto now =
+        hn::MulAdd(even(row.r), hn::Set(d, 0.299f),
+                   hn::MulAdd(even(row.g), hn::Set(d, 0.587f), hn::Mul(even(row.b), hn::Set(d, 0.114f))));
     hn::Vec<decltype(d)> mean, unused;
     hn::LoadInterleaved2(d, row.room + 2 * x, mean, unused);
     const auto room = hn::MulAdd(mean, hn::Set(d, gain), hn::Set(d, offset));
@@ -87,10 +88,13 @@ void ShadowTexture::Run(const HalfPicture& picture, const BackgroundModel& model
   for (int y = 0; y < rows; ++y) {
     for (int k = 0; k < 2; ++k) {
       const int from = std::min(2 * y + k, picture.height() - 1);
-      const TextureRow row = {picture.r.ptr<std::uint8_t>(from), picture.g.ptr<std::uint8_t>(from),
-                              picture.b.ptr<std::uint8_t>(from), model.mean_luma.ptr<float>(from),
+      const TextureRow row = {picture.r.ptr<std::uint8_t>(from),
+                              picture.g.ptr<std::uint8_t>(from),
+                              picture.b.ptr<std::uint8_t>(from),
+                              model.mean_luma.ptr<float>(from),
                               now_now_.ptr<float>(y),
-                              now_room_.ptr<float>(y), room_room_.ptr<float>(y)};
+                              now_room_.ptr<float>(y),
+                              room_room_.ptr<float>(y)};
       // The last pair of an odd row is one pixel; it is read where it is.
       HWY_DYNAMIC_DISPATCH(AddProducts)
       (row, picture.width(), tone.luma_gain(), tone.luma_offset(), static_cast<float>(k));

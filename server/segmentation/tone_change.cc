@@ -14,7 +14,8 @@ struct Points {
   std::array<std::array<float, kMaxPoints>, 3> now;
 };
 
-void Collect(const HalfPicture& picture, const std::array<cv::Mat1f, 3>& mean, const cv::Mat1b& actor, Points* points) {
+void Collect(const HalfPicture& picture, const std::array<cv::Mat1f, 3>& mean, const cv::Mat1b& actor,
+             Points* points) {
   const double area = static_cast<double>(picture.width()) * picture.height();
   const int step = std::max(2, static_cast<int>(std::ceil(std::sqrt(area / kMaxPoints))));
   for (int y = step / 2; y < picture.height(); y += step) {
@@ -35,7 +36,8 @@ void Collect(const HalfPicture& picture, const std::array<cv::Mat1f, 3>& mean, c
 }
 
 // The most frequent ratio: survives actors and shadows that cover up to half of the picture.
-float CommonRatio(const std::array<float, kMaxPoints>& room, const std::array<float, kMaxPoints>& now, int count) {
+float CommonRatio(const std::array<float, kMaxPoints>& room, const std::array<float, kMaxPoints>& now,
+                  int count) {
   constexpr int kBins = 240;
   constexpr float kLow = 0.4f, kHigh = 1.6f;
   std::array<int, kBins> histogram{};
@@ -56,7 +58,8 @@ float CommonRatio(const std::array<float, kMaxPoints>& room, const std::array<fl
 
 }  // namespace
 
-ToneChange FindToneChange(const HalfPicture& picture, const std::array<cv::Mat1f, 3>& mean, const cv::Mat1b& actor) {
+ToneChange FindToneChange(const HalfPicture& picture, const std::array<cv::Mat1f, 3>& mean,
+                          const cv::Mat1b& actor) {
   Points points;
   Collect(picture, mean, actor, &points);
   ToneChange tone;

@@ -34,24 +34,38 @@ cv::Mat1w NoisyRoom(const DepthCamera& depth) {
 
 Rig TimeOfFlightRig() {
   Rig rig;
-  rig.color = {.width = 1024, .height = 768, .fx = 1093.7, .fy = 1093.7, .cx = 521.5, .cy = 375.5, .k1 = -0.12, .k2 = 0.06};
-  rig.depth = DepthCamera{
-      .camera = {.width = 176, .height = 144, .fx = 220.6, .fy = 220.6, .cx = 90.5, .cy = 69, .k1 = -0.25, .k2 = 0.1},
-      .measures = DepthMeasure::kRange,
-      .unit_m = 0.00025,
-      .unambiguous_range_m = 7.4948,
-      .range_error = {}};
+  rig.color = {.width = 1024,
+               .height = 768,
+               .fx = 1093.7,
+               .fy = 1093.7,
+               .cx = 521.5,
+               .cy = 375.5,
+               .k1 = -0.12,
+               .k2 = 0.06};
+  rig.depth = DepthCamera{.camera = {.width = 176,
+                                     .height = 144,
+                                     .fx = 220.6,
+                                     .fy = 220.6,
+                                     .cx = 90.5,
+                                     .cy = 69,
+                                     .k1 = -0.25,
+                                     .k2 = 0.1},
+                          .measures = DepthMeasure::kRange,
+                          .unit_m = 0.00025,
+                          .unambiguous_range_m = 7.4948,
+                          .range_error = {}};
   rig.T_color_depth.translation() = Eigen::Vector3d(0.0712, -0.0187, 0.0064);
   return rig;
 }
 
 Rig LargeRig() {
   Rig rig = TimeOfFlightRig();
-  rig.depth = DepthCamera{.camera = {.width = 640, .height = 576, .fx = 505, .fy = 505, .cx = 322, .cy = 288, .k1 = -0.1},
-                          .measures = DepthMeasure::kZ,
-                          .unit_m = 0.001,
-                          .unambiguous_range_m = {},
-                          .range_error = {}};
+  rig.depth = DepthCamera{
+      .camera = {.width = 640, .height = 576, .fx = 505, .fy = 505, .cx = 322, .cy = 288, .k1 = -0.1},
+      .measures = DepthMeasure::kZ,
+      .unit_m = 0.001,
+      .unambiguous_range_m = {},
+      .range_error = {}};
   return rig;
 }
 

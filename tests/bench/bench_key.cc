@@ -37,7 +37,8 @@ BENCHMARK(BM_HalfRgb)->Unit(benchmark::kMillisecond);
 
 void BM_Key(benchmark::State& state) {
   Scene s;
-  for (auto _ : state) s.key.Run(s.model, s.room.picture, s.room.Depth(), 0.04f, View(s.label), View(s.alpha));
+  for (auto _ : state)
+    s.key.Run(s.model, s.room.picture, s.room.Depth(), 0.04f, View(s.label), View(s.alpha));
 }
 BENCHMARK(BM_Key)->Unit(benchmark::kMillisecond);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Visibility of triangle meshes, core-ms a picture (one thread). Run with --benchmark_filter=Raster.
+// Visibility of triangle meshes, core-ms a picture (one thread).
 #include <benchmark/benchmark.h>
 
 #include <cmath>
@@ -14,7 +14,14 @@ namespace mixstage {
 namespace {
 
 PinholeCamera Camera() {
-  return {.width = 1024, .height = 768, .fx = 1093.7, .fy = 1093.7, .cx = 521.5, .cy = 375.5, .k1 = -0.12, .k2 = 0.06};
+  return {.width = 1024,
+          .height = 768,
+          .fx = 1093.7,
+          .fy = 1093.7,
+          .cx = 521.5,
+          .cy = 375.5,
+          .k1 = -0.12,
+          .k2 = 0.06};
 }
 
 struct Mesh {
@@ -60,7 +67,12 @@ void Draw(benchmark::State& state, const Mesh& mesh, const PictureGrid& grid, Fa
 void RasterSphere(benchmark::State& state) {
   Draw(state, Sphere(static_cast<int>(state.range(0)), 0.5f, 2.9f), {}, static_cast<Faces>(state.range(1)));
 }
-BENCHMARK(RasterSphere)->Args({71, 1})->Args({71, 2})->Args({112, 1})->Args({112, 2})->Unit(benchmark::kMillisecond);
+BENCHMARK(RasterSphere)
+    ->Args({71, 1})
+    ->Args({71, 2})
+    ->Args({112, 1})
+    ->Args({112, 2})
+    ->Unit(benchmark::kMillisecond);
 
 void RasterSphereFourTimesFiner(benchmark::State& state) {
   Draw(state, Sphere(71, 0.5f, 2.9f), {.scale = 4, .region_px = {300, 150, 440, 440}}, Faces::kFrontOnly);

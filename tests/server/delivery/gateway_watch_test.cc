@@ -121,6 +121,7 @@ TEST(GatewayWatch, SubscriptionsChooseTheStreams) {
   ASSERT_TRUE(gateway.Start());
   const Source source(gateway);
   TestViewer viewer(gateway.port());
+  ASSERT_TRUE(viewer.ReadBinary());  // it has joined
   ASSERT_TRUE(viewer.SendText(R"({"type":"subscribe","streams":["depth"]})"));
   ASSERT_TRUE(Eventually([&] { return !gateway.WantsStream(WatchStream::kColor); }));
   EXPECT_TRUE(gateway.WantsStream(WatchStream::kDepth));

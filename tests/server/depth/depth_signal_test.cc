@@ -10,7 +10,8 @@ namespace {
 
 DepthCamera Tof() {
   DepthCamera depth;
-  depth.camera = {.width = 176, .height = 144, .fx = 220, .fy = 221, .cx = 90, .cy = 69, .k1 = -0.25, .k2 = 0.1};
+  depth.camera = {
+      .width = 176, .height = 144, .fx = 220, .fy = 221, .cx = 90, .cy = 69, .k1 = -0.25, .k2 = 0.1};
   depth.unit_m = 0.00025;
   depth.unambiguous_range_m = 7.4948;
   depth.range_error = {{1, 2, 3, 7}, {0.01, -0.015, 0.02, 0.0}};
@@ -28,7 +29,8 @@ TEST(DepthSignal, RemovesTheRangeErrorAndTurnsRangeIntoZ) {
   const DepthCamera depth = Tof();
   const DepthSignal signal = *DepthSignal::Create(depth, 20);
   for (const double range_m : {0.7, 1.3, 2.0, 2.71, 4.4, 7.2}) {
-    const auto count = static_cast<std::uint16_t>(std::lround((range_m + depth.range_error.At(range_m)) / depth.unit_m));
+    const auto count =
+        static_cast<std::uint16_t>(std::lround((range_m + depth.range_error.At(range_m)) / depth.unit_m));
     const cv::Mat1f z = DepthOf(signal, count);
     for (const auto& [u, v] : {std::pair{0, 0}, {90, 69}, {175, 20}, {31, 143}}) {
       const Eigen::Vector2d ray = *depth.camera.Unproject({u, v});

@@ -86,8 +86,15 @@ TEST(ScanCells, VectorCodeGivesTheScalarBitsOnEveryWidth) {
 
 TEST(ProjectCorners, VectorCodeGivesTheScalarBitsForEveryRemainder) {
   std::mt19937 random(2);
-  const PinholeCamera camera{.width = 640, .height = 480, .fx = 600, .fy = 590, .cx = 320, .cy = 240, .k1 = -0.2,
-                             .p1 = 0.001, .k4 = 0.05};
+  const PinholeCamera camera{.width = 640,
+                             .height = 480,
+                             .fx = 600,
+                             .fy = 590,
+                             .cx = 320,
+                             .cy = 240,
+                             .k1 = -0.2,
+                             .p1 = 0.001,
+                             .k4 = 0.05};
   const auto lens = raster::RasterLens::Of(camera, 0.1);
   const float t[3] = {0.07f, -0.02f, 0.01f};
   std::uniform_real_distribution<float> side(-0.6f, 0.6f), depth(-1.0f, 6.0f);

@@ -15,7 +15,11 @@ namespace {
 
 DepthCamera Camera(int width, int height, double focal) {
   DepthCamera depth;
-  depth.camera = {.width = width, .height = height, .fx = focal, .fy = focal, .cx = (width - 1) / 2.0,
+  depth.camera = {.width = width,
+                  .height = height,
+                  .fx = focal,
+                  .fy = focal,
+                  .cx = (width - 1) / 2.0,
                   .cy = (height - 1) / 2.0};
   depth.measures = DepthMeasure::kZ;
   depth.unit_m = 0.00025;
@@ -27,7 +31,8 @@ cv::Mat1w Counts(const DepthCamera& depth, const std::function<double(double, do
   cv::Mat1w raw(depth.camera.height, depth.camera.width);
   for (int y = 0; y < raw.rows; ++y) {
     for (int x = 0; x < raw.cols; ++x) {
-      const double z = z_of_ray((x - depth.camera.cx) / depth.camera.fx, (y - depth.camera.cy) / depth.camera.fy);
+      const double z =
+          z_of_ray((x - depth.camera.cx) / depth.camera.fx, (y - depth.camera.cy) / depth.camera.fy);
       raw(y, x) = static_cast<std::uint16_t>(std::clamp(std::lround(z / depth.unit_m), 0l, 65535l));
     }
   }
@@ -36,7 +41,9 @@ cv::Mat1w Counts(const DepthCamera& depth, const std::function<double(double, do
 
 struct Cut {
   explicit Cut(const DepthCamera& depth) : signal(*DepthSignal::Create(depth, 20)), cut(signal, {}) {}
-  void Run(const cv::Mat1w& raw, const cv::Mat1w& amplitude = {}) { cut.Run(signal, View(raw), View(amplitude)); }
+  void Run(const cv::Mat1w& raw, const cv::Mat1w& amplitude = {}) {
+    cut.Run(signal, View(raw), View(amplitude));
+  }
   // Share of cells that are whole, in the columns and rows given.
   [[nodiscard]] double Whole(int x0, int y0, int x1, int y1) const {
     int whole = 0;
@@ -98,7 +105,8 @@ TEST(SurfaceCut, NoiseTearsNoWallAndHidesNoStepOf40cm) {
     std::normal_distribution<double> noise(0, 1);
     auto actor = [](double x, double y) { return std::abs(x) < 0.08 && y > -0.2; };
     Cut cut(depth);
-    cut.Run(Counts(depth, [&](double x, double y) { return (actor(x, y) ? 4.6 : 5.0) + sigma_m * noise(random); }));
+    cut.Run(Counts(depth,
+                   [&](double x, double y) { return (actor(x, y) ? 4.6 : 5.0) + sigma_m * noise(random); }));
     EXPECT_GT(cut.Whole(2, 2, 60, 140), 0.985) << sigma_m;
     EXPECT_GT(cut.Whole(80, 60, 96, 140), 0.96) << sigma_m;
     // Cells across the silhouette: column 70 is wall, 72 is actor (0.08 * 220 = 17.6 left of 87.5: 69.9).
@@ -167,7 +175,8 @@ TEST(SurfaceCut, AmplitudeTellsTheNoisyPixelsFromTheGoodOnes) {
   amplitude.colRange(88, 176) = 100;
   amplitude(70, 30) = 0;
   Cut cut(depth);
-  cut.Run(Counts(depth, [&](double x, double) { return 4 + noise(random) * (x < 0 ? 0.01 : 0.1); }), amplitude);
+  cut.Run(Counts(depth, [&](double x, double) { return 4 + noise(random) * (x < 0 ? 0.01 : 0.1); }),
+          amplitude);
   const SurfaceNoise& measured = cut.cut.noise();
   EXPECT_NEAR(measured.pixel_m[static_cast<std::size_t>(AmplitudeClass(2000))], 0.01, 0.003);
   EXPECT_NEAR(measured.pixel_m[static_cast<std::size_t>(AmplitudeClass(100))], 0.1, 0.03);

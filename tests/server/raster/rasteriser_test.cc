@@ -15,8 +15,16 @@ namespace {
 
 // 50 degrees across with the strong barrel of a cheap wide lens.
 PinholeCamera StrongLens() {
-  return {.width = 640, .height = 480, .fx = 620, .fy = 615, .cx = 322.5, .cy = 236.0, .k1 = -0.25, .k2 = 0.08,
-          .p1 = 0.0008, .p2 = -0.0005};
+  return {.width = 640,
+          .height = 480,
+          .fx = 620,
+          .fy = 615,
+          .cx = 322.5,
+          .cy = 236.0,
+          .k1 = -0.25,
+          .k2 = 0.08,
+          .p1 = 0.0008,
+          .p2 = -0.0005};
 }
 
 std::unique_ptr<Rasteriser> Make(const PinholeCamera& camera, double near_m = 0.05) {
@@ -94,7 +102,9 @@ TEST(Rasteriser, OutlineFollowsTheLensesCurveToATenthOfAPixel) {
     // The edge crosses column x between rows first - 1 and first.
     const auto below = camera.Unproject({x, first + 0.1});
     const auto above = camera.Unproject({x, first - 1.1});
-    auto over_edge = [](const Eigen::Vector2d& ray) { return 3 * ray.y() - (-0.9 + 0.1 * (3 * ray.x() + 4) / 8); };
+    auto over_edge = [](const Eigen::Vector2d& ray) {
+      return 3 * ray.y() - (-0.9 + 0.1 * (3 * ray.x() + 4) / 8);
+    };
     EXPECT_GE(over_edge(*below), 0) << x;
     EXPECT_LE(over_edge(*above), 0) << x;
   }
@@ -141,7 +151,8 @@ TEST(Rasteriser, SplitTrianglesLeaveNoGapAndNoDoublePixel) {
 }
 
 TEST(Rasteriser, NearPlaneCutsAFloorThatRunsUnderTheCamera) {
-  const PinholeCamera camera{.width = 320, .height = 240, .fx = 150, .fy = 150, .cx = 159.5, .cy = 119.5, .k1 = -0.05};
+  const PinholeCamera camera{
+      .width = 320, .height = 240, .fx = 150, .fy = 150, .cx = 159.5, .cy = 119.5, .k1 = -0.05};
   const cv::Mat2f rays = UnprojectionTable(camera);
   auto rasteriser = Make(camera, /*near_m=*/0.5);
   const float height = 0.3f;
@@ -162,11 +173,13 @@ TEST(Rasteriser, NearPlaneCutsAFloorThatRunsUnderTheCamera) {
 
 TEST(Rasteriser, NothingFoldsBackIntoThePicture) {
   // Folds at r = 0.816 (39 degrees), where it images at r = 0.544; the picture's corners lie beyond.
-  const PinholeCamera camera{.width = 400, .height = 400, .fx = 330, .fy = 330, .cx = 199.5, .cy = 199.5, .k1 = -0.5};
+  const PinholeCamera camera{
+      .width = 400, .height = 400, .fx = 330, .fy = 330, .cx = 199.5, .cy = 199.5, .k1 = -0.5};
   auto rasteriser = Make(camera);
   // Only beyond the fold: x/z from 1.0 to 1.2, which the polynomial would put at 0.5 and less.
   EXPECT_EQ(cv::countNonZero(DepthOf(*rasteriser, Quad({2, -1, 2}, {0.4f, 0, 0}, {0, 2, 0}, 20))), 0);
-  // A wall across everything: every pixel that has a ray well inside the fold has its depth, the others nothing wrong.
+  // A wall across everything: every pixel that has a ray well inside the fold has its depth, the others
+  // nothing wrong.
   const cv::Mat1f depth = DepthOf(*rasteriser, Quad({-9, -9, 2}, {18, 0, 0}, {0, 18, 0}));
   const cv::Mat2f rays = UnprojectionTable(camera);
   for (int y = 0; y < camera.height; ++y) {
@@ -186,9 +199,9 @@ TEST(Rasteriser, HugeDegenerateAndNotFiniteTrianglesAreHarmless) {
   constexpr float kInf = std::numeric_limits<float>::infinity();
   auto rasteriser = Make(StrongLens());
   Mesh mesh;
-  mesh.positions = {{0, 0, 2},     {0.1f, 0, 2},   {0.2f, 0, 2},         {kNan, 0, 2}, {kInf, 0, 2}, {0, -kInf, 2},
-                    {9e5f, 0, 2},  {-9e5f, 9e5f, 2}, {0, -9e5f, 0.06f}, {1e20f, 0, 1}, {0, 0, 0},     {0, 0, -1},
-                    {1e-30f, 0, 1}};
+  mesh.positions = {{0, 0, 2},     {0.1f, 0, 2}, {0.2f, 0, 2},     {kNan, 0, 2},      {kInf, 0, 2},
+                    {0, -kInf, 2}, {9e5f, 0, 2}, {-9e5f, 9e5f, 2}, {0, -9e5f, 0.06f}, {1e20f, 0, 1},
+                    {0, 0, 0},     {0, 0, -1},   {1e-30f, 0, 1}};
   for (std::uint32_t a = 0; a < mesh.positions.size(); ++a) {
     for (std::uint32_t b = 0; b < mesh.positions.size(); ++b) {
       for (std::uint32_t c = 0; c < mesh.positions.size(); ++c) {
@@ -229,8 +242,10 @@ TEST(Rasteriser, NearerWinsInAnyOrderAndIdsKeepTheirOffsets) {
     EXPECT_NEAR(seen.depth_m(20, 20), 3, 1e-3);
     EXPECT_GE(seen.triangle(20, 20), 10);
     EXPECT_LT(seen.triangle(20, 20), 28);
-    if (near_first) first = seen.triangle.clone();
-    else EXPECT_EQ(cv::norm(first, seen.triangle, cv::NORM_INF), 0);
+    if (near_first)
+      first = seen.triangle.clone();
+    else
+      EXPECT_EQ(cv::norm(first, seen.triangle, cv::NORM_INF), 0);
   }
 }
 
@@ -303,9 +318,12 @@ TEST(PictureGrid, CoverageOfFinerGridsIsTheArea) {
   rasteriser->Draw(quad.View(), kHere, 0, Faces::kBoth);
   const VisibilityBuffer& seen = rasteriser->Finish();
   EXPECT_EQ(seen.depth_m.cols, 128);
-  // x from 26.5 to 36.75 px: picture pixels 27..36 whole and a quarter of 37; 16 grid pixels to a picture pixel.
+  // x from 26.5 to 36.75 px: picture pixels 27..36 whole and a quarter of 37; 16 grid pixels to a picture
+  // pixel.
   EXPECT_EQ(cv::countNonZero(seen.depth_m), 41 * 30);
-  auto covered = [&](int u, int v) { return cv::countNonZero(seen.depth_m(cv::Rect(4 * (u - 16), 4 * (v - 16), 4, 4))); };
+  auto covered = [&](int u, int v) {
+    return cv::countNonZero(seen.depth_m(cv::Rect(4 * (u - 16), 4 * (v - 16), 4, 4)));
+  };
   EXPECT_EQ(covered(27, 30), 16);
   EXPECT_EQ(covered(26, 30), 0);
   EXPECT_EQ(covered(37, 30), 4);

@@ -13,8 +13,20 @@ namespace mixstage::raster {
 namespace {
 
 PinholeCamera RationalCamera() {
-  return {.width = 320, .height = 240, .fx = 260, .fy = 255, .cx = 161.3, .cy = 118.4, .k1 = -0.2, .k2 = 0.05,
-          .p1 = 0.001, .p2 = -0.0007, .k3 = 0.01, .k4 = 0.08, .k5 = 0.02, .k6 = 0.001};
+  return {.width = 320,
+          .height = 240,
+          .fx = 260,
+          .fy = 255,
+          .cx = 161.3,
+          .cy = 118.4,
+          .k1 = -0.2,
+          .k2 = 0.05,
+          .p1 = 0.001,
+          .p2 = -0.0007,
+          .k3 = 0.01,
+          .k4 = 0.08,
+          .k5 = 0.02,
+          .k6 = 0.001};
 }
 
 struct Picture {
@@ -22,7 +34,13 @@ struct Picture {
   cv::Mat1f inverse_z;
   cv::Mat1i triangle;
   [[nodiscard]] ScanTarget Target(int x0, int y0, int x1, int y1) {
-    return {inverse_z.ptr<float>(), triangle.ptr<int>(), static_cast<std::ptrdiff_t>(inverse_z.step1()), x0, y0, x1, y1};
+    return {inverse_z.ptr<float>(),
+            triangle.ptr<int>(),
+            static_cast<std::ptrdiff_t>(inverse_z.step1()),
+            x0,
+            y0,
+            x1,
+            y1};
   }
 };
 
@@ -45,7 +63,8 @@ TEST(ProjectVertices, VectorCodeGivesTheScalarBitsForEveryRemainder) {
   constexpr float kInf = std::numeric_limits<float>::infinity();
   for (std::size_t count = 0; count < 68; ++count) {
     auto points = RandomPoints(count, random);
-    if (count > 9) points[3] = {kNan, 0, 1}, points[5] = {0, kInf, 1}, points[7] = {1e30f, 1, 1}, points[9].setZero();
+    if (count > 9)
+      points[3] = {kNan, 0, 1}, points[5] = {0, kInf, 1}, points[7] = {1e30f, 1, 1}, points[9].setZero();
     std::vector<ProjectedVertex> scalar(count), vector(count);
     ProjectVerticesScalar(lens, T, points, scalar);
     ProjectVertices(lens, T, points, vector);
@@ -74,7 +93,8 @@ TEST(ProjectVertices, AgreesWithTheCameraToTheSubPixel) {
     EXPECT_NEAR(v.x / 256.0, exact->x(), tolerance);
     EXPECT_NEAR(v.y / 256.0, exact->y(), tolerance);
     EXPECT_NEAR(v.inverse_z * p.z(), 1.0, 1e-6);
-    const bool in_picture = exact->x() >= -0.5 && exact->x() <= 319.5 && exact->y() >= -0.5 && exact->y() <= 239.5;
+    const bool in_picture =
+        exact->x() >= -0.5 && exact->x() <= 319.5 && exact->y() >= -0.5 && exact->y() <= 239.5;
     if (in_picture) {
       EXPECT_EQ(v.outcode, 0u) << "what is in the picture is in the view";
     }
@@ -119,7 +139,8 @@ TEST(ScanTriangles, VectorCodeGivesTheScalarBitsOnEveryWidth) {
   std::vector<std::uint32_t> indices;
   for (int width = 1; width < 68; ++width) {
     const int height = 1 + width / 2;
-    ScanBatch batch = RandomBatch(static_cast<std::size_t>(10 * width + 3), width, height, random, vertices, indices);
+    ScanBatch batch =
+        RandomBatch(static_cast<std::size_t>(10 * width + 3), width, height, random, vertices, indices);
     for (const Faces faces : {Faces::kBoth, Faces::kFrontOnly}) {
       batch.faces = faces;
       batch.mirrored = width % 2 == 0;
@@ -129,7 +150,8 @@ TEST(ScanTriangles, VectorCodeGivesTheScalarBitsOnEveryWidth) {
       TouchedBox scalar_touched, vector_touched;
       // A clip that leaves a margin where the picture is wide enough.
       const int m = width > 8 ? 3 : 0;
-      ScanTrianglesScalar(batch, scalar.Target(m, m / 2, width - 1 - m, height - 1), scalar_split, scalar_touched);
+      ScanTrianglesScalar(batch, scalar.Target(m, m / 2, width - 1 - m, height - 1), scalar_split,
+                          scalar_touched);
       ScanTriangles(batch, vector.Target(m, m / 2, width - 1 - m, height - 1), vector_split, vector_touched);
       EXPECT_EQ(cv::norm(scalar.inverse_z, vector.inverse_z, cv::NORM_INF), 0) << width;
       EXPECT_EQ(cv::norm(scalar.triangle, vector.triangle, cv::NORM_INF), 0) << width;
@@ -143,7 +165,8 @@ TEST(ScanTriangles, VectorCodeGivesTheScalarBitsOnEveryWidth) {
   }
 }
 
-// A grid of quads with displaced corners that covers the picture and more; every pixel belongs to one triangle.
+// A grid of quads with displaced corners that covers the picture and more; every pixel belongs to one
+// triangle.
 TEST(ScanTriangles, EveryPixelOfAMeshIsCoveredExactlyOnce) {
   std::mt19937 random(4);
   constexpr int kWidth = 90, kHeight = 70, kCell = 7 * kSubPixels, kCells = 16;
@@ -154,7 +177,8 @@ TEST(ScanTriangles, EveryPixelOfAMeshIsCoveredExactlyOnce) {
     std::vector<ProjectedVertex> vertices;
     for (int j = 0; j <= kCells; ++j) {
       for (int i = 0; i <= kCells; ++i) {
-        vertices.push_back({((i - 1) * kCell + shift(random)) & mask, ((j - 1) * kCell + shift(random)) & mask, 0.5f, 0});
+        vertices.push_back(
+            {((i - 1) * kCell + shift(random)) & mask, ((j - 1) * kCell + shift(random)) & mask, 0.5f, 0});
       }
     }
     cv::Mat1i covered(kHeight, kWidth, 0);
@@ -176,8 +200,10 @@ TEST(ScanTriangles, EveryPixelOfAMeshIsCoveredExactlyOnce) {
       for (int i = 0; i < kCells; ++i) {
         const int a = j * (kCells + 1) + i, b = a + 1, c = a + kCells + 1, d = c + 1;
         // Both diagonals and both orders of corners occur.
-        if ((i + j) % 2 == 0) draw(a, b, c), draw(d, b, c);
-        else draw(a, b, d), draw(a, d, c);
+        if ((i + j) % 2 == 0)
+          draw(a, b, c), draw(d, b, c);
+        else
+          draw(a, b, d), draw(a, d, c);
       }
     }
     double fewest = 0, most = 0;

@@ -17,7 +17,9 @@ Texture RandomTexture(int width, int height) {
 
 double Mean(const TextureMips::Level& level, int channel) {
   double sum = 0;
-  for (int i = 0; i < level.width * level.height; ++i) sum += level.texels[4 * i + channel];
+  for (int y = 0; y < level.height; ++y) {
+    for (int x = 0; x < level.width; ++x) sum += level.texel(x, y)[channel];
+  }
   return sum / (level.width * level.height) / 65535.0;
 }
 

@@ -45,7 +45,8 @@ TEST(Fusion, SimdEqualsScalarAtEveryWidth) {
     std::array<cv::Mat1b, 5> planes;
     for (cv::Mat1b& plane : planes) {
       plane.create(3, width);
-      for (int i = 0; i < 3 * width; ++i) plane(i / width, i % width) = static_cast<std::uint8_t>(random() % 256);
+      for (int i = 0; i < 3 * width; ++i)
+        plane(i / width, i % width) = static_cast<std::uint8_t>(random() % 256);
     }
     const FusionInput input{planes[0], planes[1], planes[2], planes[3], planes[4], -0.5f, 8.0f};
     cv::Mat1b scalar, simd;
@@ -93,7 +94,8 @@ TEST_F(ColorEvidenceTest, ToneChangeIsFoundBesideAnActor) {
   room_.PaintColor({80, 40, 100, 120}, 20, 30, 160);
   const ToneChange tone = FindToneChange(room_.picture, model_.mean, cv::Mat1b());
   for (std::size_t c = 0; c < 3; ++c) {
-    EXPECT_NEAR(tone.gain[c] * 110 + tone.offset[c], 132, 1.5f);  // what matters is the value, not gain or offset
+    EXPECT_NEAR(tone.gain[c] * 110 + tone.offset[c], 132,
+                1.5f);  // what matters is the value, not gain or offset
   }
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// A tiny room with exact truth for the key's tests: a textured wall at a known depth, seeded noise, painted rectangles.
+// A tiny room with exact truth for the key's tests: a textured wall at a known depth, seeded noise, painted
+// rectangles.
 #pragma once
 
 #include <cstdint>

@@ -22,7 +22,8 @@ YuvImage Random(int width, int height, ChromaLayout layout) {
   return image;
 }
 
-// Mean of the pixels of `plane` that lie under half pixel (x, y), for a plane `shift` times smaller than luma.
+// Mean of the pixels of `plane` that lie under half pixel (x, y), for a plane `shift` times smaller than
+// luma.
 float Under(const cv::Mat1b& plane, int x, int y, int shift_x, int shift_y) {
   float sum = 0;
   for (int k = 0; k < 4; ++k) {
@@ -34,7 +35,8 @@ float Under(const cv::Mat1b& plane, int x, int y, int shift_x, int shift_y) {
 
 TEST(HalfRgb, FollowsTheJfifEquationsForEveryLayoutAndOddSizes) {
   for (const ChromaLayout layout : {ChromaLayout::k444, ChromaLayout::k422, ChromaLayout::k420}) {
-    for (const cv::Size size : {cv::Size(2, 2), cv::Size(67, 9), cv::Size(128, 6), cv::Size(131, 33), cv::Size(17, 1)}) {
+    for (const cv::Size size :
+         {cv::Size(2, 2), cv::Size(67, 9), cv::Size(128, 6), cv::Size(131, 33), cv::Size(17, 1)}) {
       const YuvImage image = Random(size.width, size.height, layout);
       HalfPicture half;
       HalfRgb(image, &half);
@@ -44,9 +46,12 @@ TEST(HalfRgb, FollowsTheJfifEquationsForEveryLayoutAndOddSizes) {
         for (int x = 0; x < half.width(); ++x) {
           const float luma = Under(image.y, x, y, 0, 0);
           const float cb = Under(image.cb, x, y, sx, sy) - 128, cr = Under(image.cr, x, y, sx, sy) - 128;
-          const auto near = [](float exact, int got) { return std::abs(std::clamp(exact, 0.0f, 255.0f) - static_cast<float>(got)) <= 2.0f; };
+          const auto near = [](float exact, int got) {
+            return std::abs(std::clamp(exact, 0.0f, 255.0f) - static_cast<float>(got)) <= 2.0f;
+          };
           ASSERT_TRUE(near(luma + 1.402f * cr, half.r(y, x))) << size << " " << x << "," << y;
-          ASSERT_TRUE(near(luma - 0.344136f * cb - 0.714136f * cr, half.g(y, x))) << size << " " << x << "," << y;
+          ASSERT_TRUE(near(luma - 0.344136f * cb - 0.714136f * cr, half.g(y, x)))
+              << size << " " << x << "," << y;
           ASSERT_TRUE(near(luma + 1.772f * cb, half.b(y, x))) << size << " " << x << "," << y;
         }
       }
