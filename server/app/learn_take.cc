@@ -56,8 +56,15 @@ Result<LearntRoom> LearnFromCleanPlate(const Take& plate, Studio& studio, std::v
   if (estimator->size() == 0) {
     return Fail(ErrorCode::kBadInput, plate.folder.string() + ": no picture of the clean plate can be used");
   }
-  return Learnt(estimator->EstimateEmpty(), RoomState::kKnown,
-                "clean plate, " + std::to_string(estimator->size()) + " frames");
+  const std::string frames = std::to_string(estimator->size()) + " frames";
+  // A plate that was not quite empty (somebody passed, a car on the road) still shows the set most of the time.
+  if (!estimator->IsStill()) {
+    warnings.push_back(plate.folder.string() + ": the clean plate does not stand still; what it shows most is taken as the empty set");
+    if (auto robust = estimator->EstimateRobust()) {
+      return Learnt(std::move(robust), RoomState::kKnown, "clean plate that is not still, " + frames);
+    }
+  }
+  return Learnt(estimator->EstimateEmpty(), RoomState::kKnown, "clean plate, " + frames);
 }
 
 Result<LearntRoom> LearnFromTake(const Take& take, int learn_frames, Studio& studio, std::vector<std::string>& warnings) {

@@ -30,6 +30,7 @@ struct ProjectedVertex {
   std::int32_t x = 0, y = 0;  // grid pixels x kSubPixels; valid without kNear, kNoPixel, kNotFinite
   float inverse_z = 0;        // 1/m
   std::uint32_t outcode = 0;
+  bool operator==(const ProjectedVertex&) const = default;
 };
 static_assert(sizeof(ProjectedVertex) == 16, "the kernels gather 32-bit words of it");
 

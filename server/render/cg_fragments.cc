@@ -2,7 +2,8 @@
 #include "server/render/cg_fragments.h"
 
 #include <algorithm>
-#include <cmath>
+#include <bit>
+#include <cstring>
 
 #include "server/render/interpolate.h"
 
@@ -47,9 +48,10 @@ float Shininess(float roughness) {
 
 void FragmentShader::ShadeRow(const FragmentSource& source, int v, CgLayer& layer) {
   const int row = v - layer.bounds.y;
-  layer.color.row(row).setTo(0);
-  layer.depth_m.row(row).setTo(0);
-  layer.object_id.row(row).setTo(0);
+  const auto width = static_cast<std::size_t>(layer.bounds.width);
+  std::memset(layer.color.ptr(row), 0, width * sizeof(cv::Vec4f));
+  std::memset(layer.depth_m.ptr(row), 0, width * sizeof(float));
+  std::memset(layer.object_id.ptr(row), 0, width);
   Collect(source, v, layer);
   if (fragments_.empty()) return;
   Fetch(source.scene);
@@ -79,38 +81,35 @@ void FragmentShader::Collect(const FragmentSource& source, int v, const CgLayer&
   }
 }
 
-// Samples of different triangles: those of one surface become one fragment.
+// Samples of different triangles: those of one surface become one fragment, shaded in their middle.
 void FragmentShader::CollectMixed(const CameraScene& scene, const std::int32_t (&ids)[4],
                                   const cv::Vec2f& ray, float pixel_rad, int column) {
-  constexpr float kOffset[4][2] = {{-0.25f, -0.25f}, {0.25f, -0.25f}, {-0.25f, 0.25f}, {0.25f, 0.25f}};
+  constexpr float kOffsetX[4] = {-0.25f, 0.25f, -0.25f, 0.25f};
+  constexpr float kOffsetY[4] = {-0.25f, -0.25f, 0.25f, 0.25f};
   ObjectFinder finder(scene);
-  const CameraObject* objects[4] = {};
-  const PreparedMesh::Triangle* triangles[4] = {};
-  for (int i = 0; i < 4; ++i) {
-    if (ids[i] < 0) continue;
-    objects[i] = &finder.Find(ids[i]);
-    triangles[i] =
-        &objects[i]->mesh->triangles[static_cast<std::size_t>(ids[i]) - objects[i]->first_triangle];
-  }
-  bool taken[4] = {};
-  for (int first = 0; first < 4; ++first) {
-    if (ids[first] < 0 || taken[first]) continue;
+  unsigned left = 0;  // bit i: sample i shows something and has no fragment yet
+  for (unsigned i = 0; i < 4; ++i) left |= ids[i] >= 0 ? 1u << i : 0u;
+  while (left != 0) {
+    const auto first = static_cast<unsigned>(std::countr_zero(left));
+    const CameraObject& object = finder.Find(ids[first]);
+    const auto triangles =
+        object.mesh->triangles.begin() - static_cast<std::ptrdiff_t>(object.first_triangle);
+    const PreparedMesh::Triangle& triangle = triangles[ids[first]];
     float x = 0;
     float y = 0;
-    int count = 0;
-    for (int i = first; i < 4; ++i) {
-      if (ids[i] < 0 || taken[i]) continue;
+    float count = 0;
+    for (unsigned i = first; i < 4; ++i) {
+      if ((left & 1u << i) == 0) continue;
       const bool same = ids[i] == ids[first] ||
-                        (objects[i] == objects[first] && SameSurface(*triangles[i], *triangles[first]));
+                        (&finder.Find(ids[i]) == &object && SameSurface(triangles[ids[i]], triangle));
       if (!same) continue;
-      taken[i] = true;
-      x += kOffset[i][0];
-      y += kOffset[i][1];
-      ++count;
+      left &= ~(1u << i);
+      x += kOffsetX[i];
+      y += kOffsetY[i];
+      count += 1;
     }
-    const float scale = pixel_rad / static_cast<float>(count);
-    fragments_.push_back(
-        {ids[first], column, ray[0] + scale * x, ray[1] + scale * y, 0.25f * static_cast<float>(count)});
+    const float scale = pixel_rad / count;
+    fragments_.push_back({ids[first], column, ray[0] + scale * x, ray[1] + scale * y, 0.25f * count});
   }
 }
 

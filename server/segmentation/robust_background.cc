@@ -139,9 +139,9 @@ void VoteRow(const std::vector<Planes>& planes, int y, RoomStatistics* s) {
     }
   }
   // Things that people put down and take up again have no single colour: between the largest cluster and a
-  // median's that is half as large, the median stays.
+  // median's that is a quarter as large, the median stays.
   for (std::size_t x = 0; x < votes.size(); ++x) {
-    if (2 * median_votes[x] >= best[x]) winner[x] = at_median[x];
+    if (4 * median_votes[x] >= best[x]) winner[x] = at_median[x];
   }
   for (int x = 0; x < width; ++x) {
     const Planes& center = planes[winner[static_cast<std::size_t>(x)]];

@@ -68,7 +68,7 @@ TEST(ProjectVertices, VectorCodeGivesTheScalarBitsForEveryRemainder) {
     std::vector<ProjectedVertex> scalar(count), vector(count);
     ProjectVerticesScalar(lens, T, points, scalar);
     ProjectVertices(lens, T, points, vector);
-    EXPECT_EQ(std::memcmp(scalar.data(), vector.data(), count * sizeof(ProjectedVertex)), 0) << count;
+    EXPECT_TRUE(scalar == vector) << count;
   }
 }
 
