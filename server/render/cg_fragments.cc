@@ -92,16 +92,17 @@ void FragmentShader::CollectMixed(const CameraScene& scene, const std::int32_t (
   while (left != 0) {
     const auto first = static_cast<unsigned>(std::countr_zero(left));
     const CameraObject& object = finder.Find(ids[first]);
-    const auto triangles =
-        object.mesh->triangles.begin() - static_cast<std::ptrdiff_t>(object.first_triangle);
-    const PreparedMesh::Triangle& triangle = triangles[ids[first]];
+    auto triangle_of = [&](std::int32_t id) -> const PreparedMesh::Triangle& {
+      return object.mesh->triangles[static_cast<std::size_t>(id) - object.first_triangle];
+    };
+    const PreparedMesh::Triangle& triangle = triangle_of(ids[first]);
     float x = 0;
     float y = 0;
     float count = 0;
     for (unsigned i = first; i < 4; ++i) {
       if ((left & 1u << i) == 0) continue;
       const bool same = ids[i] == ids[first] ||
-                        (&finder.Find(ids[i]) == &object && SameSurface(triangles[ids[i]], triangle));
+                        (&finder.Find(ids[i]) == &object && SameSurface(triangle_of(ids[i]), triangle));
       if (!same) continue;
       left &= ~(1u << i);
       x += kOffsetX[i];
