@@ -24,21 +24,22 @@ class ColorView {
   void Render(const Figure* figure, const BodyLight& light, std::uint32_t frame, const NoiseTape& tape,
               SensorNoise noise, YuvImage& out);
 
-  // [h x w] share of the empty room's light (luminance) that the figure leaves at each pixel, 0..1; what he hides
-  // is not considered.
+  // [h x w] share of the empty room's light (luminance) that the figure leaves at each pixel, 0..1; what he
+  // hides is not considered.
   [[nodiscard]] cv::Mat1f LightLeft(const Figure& figure, const BodyLight& light);
 
  private:
   static constexpr int kNodes = kTile / kNodeStep + 1;  // a side
   static constexpr int kNodesPadded = (kNodes * kNodes + 15) / 16 * 16;
-  static constexpr int kCoarse = 4;                     // nodes per coarse node
+  static constexpr int kCoarse = 4;  // nodes per coarse node
 
   enum class TileShadow : std::uint8_t { kNone = 1, kCoarse, kFine };
 
   void MakeTiles(const RoomPlate& plate);
   void MakeStaticPicture();
   void MakeNodes(RoomPlate& plate);
-  // Shares at node (i, j) as they are drawn: shadows too weak to see fade out. Returns what the pixel loses, 0..1.
+  // Shares at node (i, j) as they are drawn: shadows too weak to see fade out. Returns what the pixel loses,
+  // 0..1.
   float Fade(int i, int j, float share[3]) const;
   void DrawFigure(const Figure& figure, const BodyLight& light);
   void BinParts();
@@ -47,12 +48,15 @@ class ColorView {
   void CoarseShares(int i, int j);
   void DrawBody(int i, int j, const BodyLight& light);
   // Writes the tile into the current picture.
-  void ComposeTileAt(int i, int j, const float* const share[3], const float* const color[3], const float* coverage);
+  void ComposeTileAt(int i, int j, const float* const share[3], const float* const color[3],
+                     const float* coverage);
   void RestoreTile(int i, int j);
   [[nodiscard]] BodyTile TileOf(int i, int j);
   [[nodiscard]] float BodyDepth(int u, int v) const;
   void FindEdges(int i, int j, std::uint8_t* edges) const;
-  [[nodiscard]] std::size_t TileIndex(int i, int j) const { return static_cast<std::size_t>(j * tiles_x_ + i); }
+  [[nodiscard]] std::size_t TileIndex(int i, int j) const {
+    return static_cast<std::size_t>(j * tiles_x_ + i);
+  }
 
   // Everything of a tile lies together: a picture's rows are pages apart.
   struct TileData {

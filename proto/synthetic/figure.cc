@@ -105,13 +105,16 @@ class Body {
       const Vector3d bend = (hips_.col(0) + 0.6 * forward + 0.12 * side * hips_.col(1)).normalized();
       const Vector3d knee = Joint(hip, ankle, kThigh, kShin, bend);
       const Vector3d across = yaw.col(1);
-      Add(MakeRoundCone(hip + Vector3d(0, 0, 0.01), knee, 0.094, 0.062, across, 0.96, 1.06), kTrousers, Shadowing::kCasts);
-      Add(MakeRoundCone(knee, ankle + 0.03 * (knee - ankle).normalized(), 0.062, 0.052, across, 1.0, 1.05), kTrousers,
+      Add(MakeRoundCone(hip + Vector3d(0, 0, 0.01), knee, 0.094, 0.062, across, 0.96, 1.06), kTrousers,
           Shadowing::kCasts);
+      Add(MakeRoundCone(knee, ankle + 0.03 * (knee - ankle).normalized(), 0.062, 0.052, across, 1.0, 1.05),
+          kTrousers, Shadowing::kCasts);
       const Vector3d calf = knee + 0.30 * (ankle - knee) - 0.014 * forward;
       Add(MakeRoundCone(calf, knee + 0.62 * (ankle - knee) - 0.006 * forward, 0.060, 0.053), kTrousers);
       // Shoe and sole.
-      auto at = [&](double x, double y, double z) { return Vector3d(ankle + sole * Vector3d(x, y, z - kAnkle)); };
+      auto at = [&](double x, double y, double z) {
+        return Vector3d(ankle + sole * Vector3d(x, y, z - kAnkle));
+      };
       Add(MakeRoundCone(at(-0.035, 0, 0.055), at(0.130, 0, 0.040), 0.047, 0.037, across, 1.0, 1.0), kShoe,
           Shadowing::kCasts);
       Add(MakeRoundCone(at(-0.025, 0, 0.075), at(0.035, 0, 0.07), 0.044, 0.036), kShoe);
@@ -131,24 +134,30 @@ class Body {
     const Vector3d ribs = waist + chest_ * Vector3d(0.008, 0, 0.14);
     neck_ = waist + chest_ * Vector3d(-0.010, 0, 0.390);
     shoulders_ = waist + chest_ * Vector3d(-0.006, 0, 0.322);
-    Add(MakeRoundCone(pelvis_ + hips_ * Vector3d(-0.010, 0, -0.030), waist, 0.110, 0.106, left, 1.36, 1.0), kTrousers,
-        Shadowing::kCasts);
+    Add(MakeRoundCone(pelvis_ + hips_ * Vector3d(-0.010, 0, -0.030), waist, 0.110, 0.106, left, 1.36, 1.0),
+        kTrousers, Shadowing::kCasts);
     // The shirt hangs over the trousers: hem, waist, chest, and the yoke from shoulder to shoulder.
-    Add(MakeRoundCone(pelvis_ + hips_ * Vector3d(-0.006, 0, 0.020), waist, 0.122, 0.113, left, 1.36, 1.0), kShirt);
+    Add(MakeRoundCone(pelvis_ + hips_ * Vector3d(-0.006, 0, 0.020), waist, 0.122, 0.113, left, 1.36, 1.0),
+        kShirt);
     Add(MakeRoundCone(waist, ribs, 0.113, 0.120, chest_left, 1.35, 0.97), kShirt, Shadowing::kCasts);
-    Add(MakeRoundCone(ribs, ribs + chest_ * Vector3d(-0.004, 0, 0.135), 0.121, 0.096, chest_left, 1.42, 0.98), kShirt,
-        Shadowing::kCasts);
+    Add(MakeRoundCone(ribs, ribs + chest_ * Vector3d(-0.004, 0, 0.135), 0.121, 0.096, chest_left, 1.42, 0.98),
+        kShirt, Shadowing::kCasts);
     for (const double side : {1.0, -1.0}) {
       Add(MakeRoundCone(neck_ + chest_ * Vector3d(-0.004, 0.026 * side, -0.030),
-                        shoulders_ + chest_ * Vector3d(0, (kShoulderHalf - 0.022) * side, 0.004), 0.056, 0.069),
+                        shoulders_ + chest_ * Vector3d(0, (kShoulderHalf - 0.022) * side, 0.004), 0.056,
+                        0.069),
           kShirt, Shadowing::kCasts);
       Add(MakeRoundCone(ribs + chest_ * Vector3d(0, 0.075 * side, 0.060),
-                        shoulders_ + chest_ * Vector3d(0.004, (kShoulderHalf - 0.045) * side, -0.020), 0.098, 0.074),
+                        shoulders_ + chest_ * Vector3d(0.004, (kShoulderHalf - 0.045) * side, -0.020), 0.098,
+                        0.074),
           kShirt);
     }
-    Add(MakeRoundCone(neck_ + chest_ * Vector3d(0.008, 0, -0.014), neck_ + chest_ * Vector3d(0.012, 0, 0.014), 0.070, 0.061),
+    Add(MakeRoundCone(neck_ + chest_ * Vector3d(0.008, 0, -0.014), neck_ + chest_ * Vector3d(0.012, 0, 0.014),
+                      0.070, 0.061),
         kCollar);
-    Add(MakeRoundCone(neck_ + Vector3d(0, 0, -0.02), neck_ + chest_ * Vector3d(0.018, 0, 0.085), 0.057, 0.053), kSkin);
+    Add(MakeRoundCone(neck_ + Vector3d(0, 0, -0.02), neck_ + chest_ * Vector3d(0.018, 0, 0.085), 0.057,
+                      0.053),
+        kSkin);
   }
 
   void Arms(double stepping) {
@@ -158,7 +167,8 @@ class Body {
       const double raised = i == 1 ? s_.wave : 0.0;
       const double offered = i == 0 ? s_.present : 0.0;
       const double rest = 1 - raised - offered;
-      // Directions of the two bones in the chest's frame (x forward, y left, z up), blended and made unit again.
+      // Directions of the two bones in the chest's frame (x forward, y left, z up), blended and made unit
+      // again.
       const Vector3d hang(std::sin(swing), 0.13 * side, -std::cos(swing));
       const double bend = 0.22 + 0.10 * s_.stride + 0.42 * std::max(0.0, swing);
       const Vector3d low(std::sin(swing + bend), 0.02 * side, -std::cos(swing + bend));
@@ -166,25 +176,29 @@ class Body {
       const Vector3d low_wave(0.34, side * (0.30 + std::sin(s_.wave_angle)), 1.0);
       const Vector3d up_offer(0.42, 0.60 * side, -0.58);
       const Vector3d low_offer(0.48, 0.86 * side, 0.10);
-      const Vector3d upper = (rest * hang.normalized() + raised * up_wave.normalized() + offered * up_offer.normalized());
-      const Vector3d lower = (rest * low.normalized() + raised * low_wave.normalized() + offered * low_offer.normalized());
+      const Vector3d upper =
+          (rest * hang.normalized() + raised * up_wave.normalized() + offered * up_offer.normalized());
+      const Vector3d lower =
+          (rest * low.normalized() + raised * low_wave.normalized() + offered * low_offer.normalized());
       const Vector3d shoulder = shoulders_ + chest_ * Vector3d(0, kShoulderHalf * side, 0.02 * raised);
       const Vector3d elbow = shoulder + kUpperArm * (chest_ * upper.normalized());
       const Vector3d along = chest_ * lower.normalized();
       const Vector3d wrist = elbow + kForearm * along;
       Add(MakeRoundCone(shoulder, elbow, 0.063, 0.047), kShirt, Shadowing::kCasts);
-      Add(MakeRoundCone(elbow, elbow + 0.42 * (wrist - elbow), 0.0475, 0.045), kShirt, Shadowing::kCasts);
-      Add(MakeRoundCone(elbow + 0.36 * (wrist - elbow), wrist, 0.041, 0.029), kSkin, Shadowing::kCasts);
+      Add(MakeRoundCone(elbow, elbow + 0.42 * (wrist - elbow), 0.0475, 0.045), kShirt);
+      Add(MakeRoundCone(elbow, wrist, 0.044, 0.029), kSkin, Shadowing::kCasts);
       // Hand: palm towards the body, or to the camera while he waves.
       const Vector3d palm = (rest * chest_.col(1) * -side + (raised + 0.4 * offered) * chest_.col(0) +
-                             0.9 * offered * Vector3d::UnitZ()).normalized();
+                             0.9 * offered * Vector3d::UnitZ())
+                                .normalized();
       const Vector3d across = along.cross(palm).normalized();
-      Add(MakeRoundCone(wrist + 0.028 * along, wrist + 0.085 * along, 0.032, 0.028, across, 1.25, 0.55), kSkin,
-          Shadowing::kCasts);
-      Add(MakeRoundCone(wrist + 0.09 * along, wrist + 0.150 * along, 0.026, 0.017, across, 1.45, 0.55), kSkin);
+      Add(MakeRoundCone(wrist + 0.028 * along, wrist + 0.085 * along, 0.032, 0.028, across, 1.25, 0.55),
+          kSkin);
+      Add(MakeRoundCone(wrist + 0.09 * along, wrist + 0.150 * along, 0.026, 0.017, across, 1.45, 0.55),
+          kSkin);
       const double thumb = i == 0 ? 1 : -1;
-      Add(MakeRoundCone(wrist + 0.03 * along - 0.022 * thumb * across, wrist + 0.085 * along - 0.05 * thumb * across, 0.014,
-                        0.010),
+      Add(MakeRoundCone(wrist + 0.03 * along - 0.022 * thumb * across,
+                        wrist + 0.085 * along - 0.05 * thumb * across, 0.014, 0.010),
           kSkin);
     }
   }
@@ -201,15 +215,17 @@ class Body {
       Add(MakeEllipsoid(center, turn, {x, y, z}), cloth, shadowing);
     };
     ellipsoid(at(0.000, 0, 0.105), 0.098, 0.079, 0.108, kSkin, Shadowing::kCasts);
-    Add(MakeRoundCone(at(0.022, 0, 0.075), at(0.052, 0, 0.012), 0.066, 0.036, left, 0.98, 1.0), kSkin);  // jaw
+    Add(MakeRoundCone(at(0.022, 0, 0.075), at(0.052, 0, 0.012), 0.066, 0.036, left, 0.98, 1.0),
+        kSkin);  // jaw
     // Hair: a cap, fuller behind and on top, with a parting's quiff.
     ellipsoid(at(-0.020, 0, 0.130), 0.097, 0.087, 0.100, kHair);
     ellipsoid(at(-0.040, 0, 0.085), 0.072, 0.082, 0.085, kHair);
     ellipsoid(at(0.030, -0.012, 0.196), 0.066, 0.066, 0.030, kHair);
     for (const double side : {1.0, -1.0}) {
-      ellipsoid(at(0.002, 0.079 * side, 0.088), 0.018, 0.010, 0.028, kSkin);                 // ear
-      ellipsoid(at(0.086, 0.033 * side, 0.112), 0.010, 0.012, 0.0075, kEye);                 // eye
-      Add(MakeRoundCone(at(0.088, 0.018 * side, 0.133), at(0.078, 0.048 * side, 0.134), 0.0065, 0.0050), kHair);  // brow
+      ellipsoid(at(0.002, 0.079 * side, 0.088), 0.018, 0.010, 0.028, kSkin);  // ear
+      ellipsoid(at(0.086, 0.033 * side, 0.112), 0.010, 0.012, 0.0075, kEye);  // eye
+      Add(MakeRoundCone(at(0.088, 0.018 * side, 0.133), at(0.078, 0.048 * side, 0.134), 0.0065, 0.0050),
+          kHair);  // brow
     }
     Add(MakeRoundCone(at(0.094, 0, 0.112), at(0.112, 0, 0.078), 0.009, 0.014), kSkin);  // nose
     Add(MakeRoundCone(at(0.081, 0.021, 0.046), at(0.081, -0.021, 0.046), 0.0075, 0.0075), kLips);

@@ -14,10 +14,10 @@ namespace mixstage {
 enum class Shadowing { kNone = 1, kCasts };
 
 struct BodyPart {
-  RoundCone cone;                                       // world frame
-  Eigen::Vector3f albedo = Eigen::Vector3f::Zero();     // linear, as the eye sees it
-  float infrared = 0.5f;                                // albedo at the time-of-flight camera's wavelength
-  Shadowing shadowing = Shadowing::kNone;               // small parts lie within larger ones' shadows
+  RoundCone cone;                                    // world frame
+  Eigen::Vector3f albedo = Eigen::Vector3f::Zero();  // linear, as the eye sees it
+  float infrared = 0.5f;                             // albedo at the time-of-flight camera's wavelength
+  Shadowing shadowing = Shadowing::kNone;            // small parts lie within larger ones' shadows
 };
 
 struct Figure {

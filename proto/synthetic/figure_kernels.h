@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The figure's pixels, many at once (Highway, the machine's best instructions at run time). Specifications: depth and
-// coverage are those of RoundCone::Intersect; lamp shares those of OccludedShare below. All coordinates are world
-// axes relative to nothing (points) or per metre of camera depth (rays), float.
+// The figure's pixels, many at once (Highway, the machine's best instructions at run time). Specifications:
+// depth and coverage are those of RoundCone::Intersect; lamp shares those of OccludedShare below. All
+// coordinates are world axes relative to nothing (points) or per metre of camera depth (rays), float.
 #pragma once
 
 #include <Eigen/Core>
@@ -53,7 +53,7 @@ struct BodyLight {
 struct PointSpan {
   const float* p[3];
   const float* n[3];
-  int count;  // a multiple of 16
+  int count;       // a multiple of 16
   float* window;   // share of the window's light that is left
   float* softbox;  // of the soft box's
   float* ambient;  // of the light from all around
@@ -84,10 +84,13 @@ struct ComposeTile {
 };
 inline constexpr int kShareStride = 16;
 
-// z[0 .. kTile^2): the nearest part's depth at pixel centres, kNoDepth elsewhere. (u0, v0): the tile's first pixel.
-void RasterBody(const PartView* parts, const std::uint8_t* list, int count, int u0, int v0, const BodyTile& tile);
+// z[0 .. kTile^2): the nearest part's depth at pixel centres, kNoDepth elsewhere. (u0, v0): the tile's first
+// pixel.
+void RasterBody(const PartView* parts, const std::uint8_t* list, int count, int u0, int v0,
+                const BodyTile& tile);
 // Normals, albedo and coverage 1 where z says the body is. Neighbouring parts flow into one another.
-void GatherBody(const PartView* parts, const std::uint8_t* list, int count, int u0, int v0, const BodyTile& tile);
+void GatherBody(const PartView* parts, const std::uint8_t* list, int count, int u0, int v0,
+                const BodyTile& tile);
 // Replaces one pixel by the mean of 16 rays over its area. ray_u, ray_v: the ray's change per pixel.
 void SupersampleBody(const PartView* parts, const std::uint8_t* list, int count, int u, int v, int index,
                      const float ray[3], const float ray_u[3], const float ray_v[3], const BodyTile& tile);
@@ -100,11 +103,12 @@ void Compose(const ComposeTile& tile);
 // The sum over 8 rays of one time-of-flight pixel: where the body is nearer it replaces the room's phasor.
 // rays [3][8], lengths [8], room_re/im [8]. Returns the number of rays that met the body.
 int BodyPhasor(const PartView* parts, const std::uint8_t* list, int count, const float* const rays[3],
-               const float* lengths, const float* room_re, const float* room_im, float radians_per_m, float& re,
-               float& im);
-// out = round(base / 64 + noise * (gain - luma / 8) / 1024) clamped to 0..255; luma is base where `gain` falls with
-// brightness (slope 1), else not used (slope 0).
-void AddNoise(const std::int16_t* base, const std::int8_t* noise, int count, int gain, int slope, std::uint8_t* out);
+               const float* lengths, const float* room_re, const float* room_im, float radians_per_m,
+               float& re, float& im);
+// out = round(base / 64 + noise * (gain - luma / 8) / 1024) clamped to 0..255; luma is base where `gain`
+// falls with brightness (slope 1), else not used (slope 0).
+void AddNoise(const std::int16_t* base, const std::int8_t* noise, int count, int gain, int slope,
+              std::uint8_t* out);
 
 // The scalar loops that the above must agree with.
 void AddNoiseScalar(const std::int16_t* base, const std::int8_t* noise, int count, int gain, int slope,

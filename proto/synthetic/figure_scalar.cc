@@ -16,9 +16,10 @@ void AddNoiseScalar(const std::int16_t* base, const std::int8_t* noise, int coun
   }
 }
 
-// Seen from the point, the lamp is a disc that is `spread` wide per metre of distance; where the line to its centre
-// passes the caster closest, the caster covers a band of that disc.
-float OccludedShare(const SoftLamp& lamp, const Caster& caster, float radius, float from_m, const float point[3]) {
+// Seen from the point, the lamp is a disc that is `spread` wide per metre of distance; where the line to its
+// centre passes the caster closest, the caster covers a band of that disc.
+float OccludedShare(const SoftLamp& lamp, const Caster& caster, float radius, float from_m,
+                    const float point[3]) {
   const Eigen::Vector3f p(point[0], point[1], point[2]);
   const Eigen::Vector3f ab(caster.ab[0], caster.ab[1], caster.ab[2]);
   const Eigen::Vector3f w = p - Eigen::Vector3f(caster.a[0], caster.a[1], caster.a[2]);

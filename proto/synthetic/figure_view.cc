@@ -38,8 +38,8 @@ void PointsOf(const AreaLight& light, BodyLight::Point* points) {
 
 }  // namespace
 
-void ViewFigure(const Figure& figure, const PinholeCamera& camera, const RigidTransform& T_world_camera, int margin_px,
-                FigureView& view) {
+void ViewFigure(const Figure& figure, const PinholeCamera& camera, const RigidTransform& T_world_camera,
+                int margin_px, FigureView& view) {
   view.count = figure.count;
   view.u0 = view.v0 = INT_MAX;
   view.u1 = view.v1 = -1;
@@ -84,7 +84,9 @@ void ViewFigure(const Figure& figure, const PinholeCamera& camera, const RigidTr
       u1 = behind ? -1 : camera.width - 1;
       v1 = behind ? -1 : camera.height - 1;
     }
-    auto cut = [](double x, int size) { return static_cast<int>(std::clamp(x, -1.0, static_cast<double>(size))); };
+    auto cut = [](double x, int size) {
+      return static_cast<int>(std::clamp(x, -1.0, static_cast<double>(size)));
+    };
     part.u0 = std::max(0, cut(std::floor(u0) - margin_px, camera.width));
     part.v0 = std::max(0, cut(std::floor(v0) - margin_px, camera.height));
     part.u1 = std::min(camera.width - 1, cut(std::ceil(u1) + margin_px, camera.width));
@@ -134,11 +136,12 @@ FigureLight::FigureLight(const RoomLight& light) : probes_(static_cast<std::size
       const int x = i / 6 % kX;
       const int y = i / 6 / kX % kY;
       const int z = i / 6 / kX / kY;
-      const Vector3d p(kProbeX0 + (kProbeX1 - kProbeX0) * x / (kX - 1), kProbeY0 + (kProbeY1 - kProbeY0) * y / (kY - 1),
-                       kProbeZ[z]);
+      const Vector3d p(kProbeX0 + (kProbeX1 - kProbeX0) * x / (kX - 1),
+                       kProbeY0 + (kProbeY1 - kProbeY0) * y / (kY - 1), kProbeZ[z]);
       const Vector3d normal = (face % 2 == 0 ? 1.0 : -1.0) * Vector3d::Unit(face / 2);
       const auto seed = static_cast<std::uint32_t>(i + 1000);
-      probes_[static_cast<std::size_t>(i)] = light.Bounced(p, normal, kProbeRays, seed) + light.Lamp(p, normal, seed);
+      probes_[static_cast<std::size_t>(i)] =
+          light.Bounced(p, normal, kProbeRays, seed) + light.Lamp(p, normal, seed);
     }
   });
 }

@@ -22,8 +22,8 @@ struct FigureView {
 };
 
 // margin_px: how far beyond its outline a part may be asked for.
-void ViewFigure(const Figure& figure, const PinholeCamera& camera, const RigidTransform& T_world_camera, int margin_px,
-                FigureView& view);
+void ViewFigure(const Figure& figure, const PinholeCamera& camera, const RigidTransform& T_world_camera,
+                int margin_px, FigureView& view);
 
 struct Casters {
   std::array<Caster, Figure::kMaxParts> casters;

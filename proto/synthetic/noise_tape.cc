@@ -7,7 +7,8 @@
 
 namespace mixstage {
 
-NoiseTape::NoiseTape(std::uint32_t seed) : seed_(Mix(seed, 0x7a9eu)), normal_(kPlaces + kMaxRow), counts_(kPlaces + kMaxRow) {
+NoiseTape::NoiseTape(std::uint32_t seed)
+    : seed_(Mix(seed, 0x7a9eu)), normal_(kPlaces + kMaxRow), counts_(kPlaces + kMaxRow) {
   // Box and Muller, two at a time.
   for (std::size_t i = 0; i + 1 < normal_.size(); i += 2) {
     const auto k = static_cast<std::uint32_t>(i);

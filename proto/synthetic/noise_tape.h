@@ -8,12 +8,12 @@
 
 namespace mixstage {
 
-// Sensor noise that costs nothing per frame: a tape of Gaussian numbers, read from another place for every row of
-// every frame. The same (seed, frame, row) reads the same numbers.
+// Sensor noise that costs nothing per frame: a tape of Gaussian numbers, read from another place for every
+// row of every frame. The same (seed, frame, row) reads the same numbers.
 class NoiseTape {
  public:
-  static constexpr int kMaxRow = 8192;       // numbers that can be read from any place
-  static constexpr int kSigmaCounts = 24;    // standard deviation of Counts()
+  static constexpr int kMaxRow = 8192;     // numbers that can be read from any place
+  static constexpr int kSigmaCounts = 24;  // standard deviation of Counts()
 
   explicit NoiseTape(std::uint32_t seed);
 

@@ -5,8 +5,8 @@
 
 namespace mixstage {
 
-// The cameras of the demonstration: colour 1024x768 and time of flight 176x144 on a head that stands still, 1.4 m
-// above the floor. deploy/demo/rig.json is the same rig as a file.
+// The cameras of the demonstration: colour 1024x768 and time of flight 176x144 on a head that stands
+// still, 1.4 m above the floor. deploy/demo/rig.json is the same rig as a file.
 Rig SyntheticRig();
 
 // Where the colour camera stands in the synthetic room: the rig's head at rest (encoders at 0), or the

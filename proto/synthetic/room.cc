@@ -106,10 +106,14 @@ bool Meet(const Solid& s, const Ray& ray, Meeting& best) {
 
 // Where a ray enters a box, infinite where it misses it or enters beyond `limit`.
 double Entry(const Eigen::AlignedBox3d& box, const Vector3d& origin, const Vector3d& inverse, double limit) {
-  const Eigen::Array3d a = (box.min() - origin).array() * inverse.array();
-  const Eigen::Array3d b = (box.max() - origin).array() * inverse.array();
-  const double enter = std::max(0.0, a.min(b).maxCoeff());
-  const double leave = std::min(limit, a.max(b).minCoeff());
+  double enter = 0;
+  double leave = limit;
+  for (int i = 0; i < 3; ++i) {
+    const double a = (box.min()[i] - origin[i]) * inverse[i];
+    const double b = (box.max()[i] - origin[i]) * inverse[i];
+    enter = std::max(enter, std::min(a, b));
+    leave = std::min(leave, std::max(a, b));
+  }
   return enter <= leave ? enter : INFINITY;
 }
 
@@ -190,7 +194,8 @@ void Room::Build(int node, int first, int count) {
   box.sizes().maxCoeff(&axis);
   auto center = [&](int solid) { return solids_[static_cast<std::size_t>(solid)].Bounds().center()[axis]; };
   const auto begin = order_.begin() + first;
-  std::nth_element(begin, begin + count / 2, begin + count, [&](int a, int b) { return center(a) < center(b); });
+  std::nth_element(begin, begin + count / 2, begin + count,
+                   [&](int a, int b) { return center(a) < center(b); });
   const int children = static_cast<int>(nodes_.size());
   nodes_.resize(nodes_.size() + 2);
   nodes_[static_cast<std::size_t>(node)].first = children;
@@ -209,7 +214,8 @@ void Room::Walk(const Ray& ray, const double& limit_m, Visit visit) const {
   };
   Place stack[64];
   int size = 0;
-  if (const double entry = Entry(nodes_[0].box, ray.origin, inverse, limit_m); entry < limit_m) stack[size++] = {0, entry};
+  if (const double entry = Entry(nodes_[0].box, ray.origin, inverse, limit_m); entry < limit_m)
+    stack[size++] = {0, entry};
   while (size > 0) {
     const Place place = stack[--size];
     if (place.entry >= limit_m) continue;

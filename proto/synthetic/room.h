@@ -21,11 +21,11 @@ enum class Surface : std::uint8_t {
   kWallRight,
   kWallFront,
   kCeiling,
-  kPane,      // the window's glass with the day behind it
-  kPaint,     // plain: the solid's own colour
+  kPane,   // the window's glass with the day behind it
+  kPaint,  // plain: the solid's own colour
   kOak,
   kWalnut,
-  kDoors,     // the sideboard's front
+  kDoors,  // the sideboard's front
   kPainting,
   kCloth,
   kLeaf,
@@ -35,15 +35,15 @@ enum class Surface : std::uint8_t {
 };
 
 struct Ray {
-  Eigen::Vector3d origin = Eigen::Vector3d::Zero();         // world, m
-  Eigen::Vector3d direction = Eigen::Vector3d::UnitX();     // world, unit length
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();      // world, m
+  Eigen::Vector3d direction = Eigen::Vector3d::UnitX();  // world, unit length
 };
 
 struct Hit {
-  double range_m = 0;  // along the ray
+  double range_m = 0;                                 // along the ray
   Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();  // world, unit, towards the ray's side
   Surface surface = Surface::kFloor;
-  Eigen::Vector3f albedo = Eigen::Vector3f::Zero();   // linear 0..1, before texture for RoomHit
+  Eigen::Vector3f albedo = Eigen::Vector3f::Zero();  // linear 0..1, before texture for RoomHit
 };
 
 // One solid of the furniture. Boxes stand on a floor turned by yaw; frusta are upright.
@@ -53,8 +53,9 @@ struct Solid {
   Surface surface = Surface::kPaint;
   Eigen::Vector3f color = Eigen::Vector3f::Constant(0.5f);  // linear albedo
   Eigen::Vector3d center = Eigen::Vector3d::Zero();         // box: centre; frustum: centre of its bottom
-  Eigen::Vector3d half = Eigen::Vector3d::Zero();           // box: half sizes; frustum: bottom radius, top radius, height
-  double cos_yaw = 1, sin_yaw = 0;                          // box
+  Eigen::Vector3d half =
+      Eigen::Vector3d::Zero();      // box: half sizes; frustum: bottom radius, top radius, height
+  double cos_yaw = 1, sin_yaw = 0;  // box
   RoundCone cone;
   bool casts_lamp_shadow = true;  // the lamp's own parts let its light out
 

@@ -36,8 +36,8 @@ class Builder {
     box.sin_yaw = std::sin(yaw_deg * std::numbers::pi / 180);
     return box;
   }
-  Solid& Frustum(const Vector3d& bottom, double bottom_radius, double top_radius, double height, Surface surface,
-                 const Vector3f& color) {
+  Solid& Frustum(const Vector3d& bottom, double bottom_radius, double top_radius, double height,
+                 Surface surface, const Vector3f& color) {
     Solid s;
     s.kind = Solid::Kind::kFrustum;
     s.center = bottom;
@@ -80,8 +80,8 @@ void AddWindow(Builder& b) {
   for (int i = 0; i < 9; ++i) {
     const double x = 4.95 + 0.052 * i;
     const double sway = 0.012 * std::sin(1.9 * i);
-    b.Cone(MakeRoundCone({x + sway, 2.47 + sway, 0.03}, {x, 2.47 - 0.3 * sway, 2.40}, 0.040, 0.033), Surface::kCloth,
-           linen);
+    b.Cone(MakeRoundCone({x + sway, 2.47 + sway, 0.03}, {x, 2.47 - 0.3 * sway, 2.40}, 0.040, 0.033),
+           Surface::kCloth, linen);
   }
 }
 
@@ -96,7 +96,8 @@ void AddBench(Builder& b) {
   auto pillow = [&](double x, double lean, const Vector3f& color) {
     const Vector3d up(0.05, lean, 1);
     const Eigen::Matrix3d axes =
-        (Eigen::Matrix3d() << Vector3d(1, 0, 0), up.normalized().cross(Vector3d(1, 0, 0)), up.normalized()).finished();
+        (Eigen::Matrix3d() << Vector3d(1, 0, 0), up.normalized().cross(Vector3d(1, 0, 0)), up.normalized())
+            .finished();
     b.Cone(MakeEllipsoid({x, 2.43, 0.64}, axes, {0.21, 0.075, 0.19}), Surface::kCloth, color);
   };
   pillow(4.45, 0.35, Vector3f(0.52f, 0.17f, 0.09f));
@@ -106,7 +107,8 @@ void AddBench(Builder& b) {
 void AddPlant(Builder& b) {
   const Vector3d foot(5.17, 2.02, 0);
   b.Frustum(foot, 0.15, 0.2, 0.36, Surface::kCeramic, Vector3f(0.55f, 0.53f, 0.49f));
-  b.Frustum(foot + Vector3d(0, 0, 0.3), 0.185, 0.185, 0.062, Surface::kPaint, Vector3f(0.05f, 0.035f, 0.025f));
+  b.Frustum(foot + Vector3d(0, 0, 0.3), 0.185, 0.185, 0.062, Surface::kPaint,
+            Vector3f(0.05f, 0.035f, 0.025f));
   for (int stem = 0; stem < 4; ++stem) {
     const double turn = 1.57 * stem + 0.5;
     const double lean = 0.08 + 0.13 * Unit(stem, 3);
@@ -143,19 +145,23 @@ void AddSideboard(Builder& b) {
   }
   // Lamp.
   const Vector3d lamp(plan::kLampX, plan::kLampY, 0.745);
-  b.Cone(MakeEllipsoid(lamp + Vector3d(0, 0, 0.1), Eigen::Matrix3d::Identity(), {0.085, 0.085, 0.1}), Surface::kCeramic,
-         Vector3f(0.10f, 0.17f, 0.19f))
+  b.Cone(MakeEllipsoid(lamp + Vector3d(0, 0, 0.1), Eigen::Matrix3d::Identity(), {0.085, 0.085, 0.1}),
+         Surface::kCeramic, Vector3f(0.10f, 0.17f, 0.19f))
       .casts_lamp_shadow = false;
-  b.Frustum(lamp + Vector3d(0, 0, 0.18), 0.012, 0.012, 0.1, Surface::kPaint, kBrass).casts_lamp_shadow = false;
-  b.Frustum(lamp + Vector3d(0, 0, 0.25), 0.165, 0.115, 0.24, Surface::kLampShade, Vector3f(0.75f, 0.66f, 0.50f))
+  b.Frustum(lamp + Vector3d(0, 0, 0.18), 0.012, 0.012, 0.1, Surface::kPaint, kBrass).casts_lamp_shadow =
+      false;
+  b.Frustum(lamp + Vector3d(0, 0, 0.25), 0.165, 0.115, 0.24, Surface::kLampShade,
+            Vector3f(0.75f, 0.66f, 0.50f))
       .casts_lamp_shadow = false;
   // Books lying, a bowl on them, a vase.
-  b.Turned(b.Box({5.25, 0.20, 0.745}, {5.43, 0.46, 0.775}, Surface::kPaint, Vector3f(0.42f, 0.10f, 0.07f)), 4);
-  b.Turned(b.Box({5.26, 0.22, 0.775}, {5.42, 0.45, 0.80}, Surface::kPaint, Vector3f(0.62f, 0.58f, 0.50f)), -7);
+  b.Turned(b.Box({5.25, 0.20, 0.745}, {5.43, 0.46, 0.775}, Surface::kPaint, Vector3f(0.42f, 0.10f, 0.07f)),
+           4);
+  b.Turned(b.Box({5.26, 0.22, 0.775}, {5.42, 0.45, 0.80}, Surface::kPaint, Vector3f(0.62f, 0.58f, 0.50f)),
+           -7);
   b.Turned(b.Box({5.27, 0.23, 0.80}, {5.42, 0.44, 0.822}, Surface::kPaint, Vector3f(0.07f, 0.13f, 0.19f)), 9);
   b.Frustum({5.35, 0.335, 0.822}, 0.035, 0.075, 0.05, Surface::kCeramic, Vector3f(0.62f, 0.60f, 0.55f));
-  b.Cone(MakeEllipsoid({5.36, -0.02, 0.745 + 0.11}, Eigen::Matrix3d::Identity(), {0.07, 0.07, 0.11}), Surface::kCeramic,
-         Vector3f(0.60f, 0.29f, 0.16f));
+  b.Cone(MakeEllipsoid({5.36, -0.02, 0.745 + 0.11}, Eigen::Matrix3d::Identity(), {0.07, 0.07, 0.11}),
+         Surface::kCeramic, Vector3f(0.60f, 0.29f, 0.16f));
   b.Frustum({5.36, -0.02, 0.93}, 0.028, 0.036, 0.09, Surface::kCeramic, Vector3f(0.60f, 0.29f, 0.16f));
   // The painting and its frame.
   b.Box({5.565, 0.18, 1.18}, {5.6, 1.02, 1.86}, Surface::kPaint, Vector3f(0.30f, 0.19f, 0.10f));
@@ -171,9 +177,10 @@ void AddBookshelf(Builder& b) {
   for (const double y : {y0, y1 - 0.026}) b.Box({x0, y, 0}, {5.59, y + 0.026, 2.04}, Surface::kOak, oak);
   constexpr double kShelves[] = {0.07, 0.45, 0.83, 1.21, 1.59, 2.014};
   for (const double z : kShelves) b.Box({x0, y0, z}, {5.59, y1, z + 0.026}, Surface::kOak, oak);
-  const Vector3f spines[] = {{0.40f, 0.09f, 0.06f}, {0.07f, 0.14f, 0.22f}, {0.55f, 0.50f, 0.40f}, {0.12f, 0.20f, 0.13f},
-                             {0.60f, 0.36f, 0.10f}, {0.66f, 0.63f, 0.57f}, {0.09f, 0.09f, 0.10f}, {0.33f, 0.20f, 0.24f},
-                             {0.20f, 0.33f, 0.36f}, {0.48f, 0.24f, 0.13f}};
+  const Vector3f spines[] = {{0.40f, 0.09f, 0.06f}, {0.07f, 0.14f, 0.22f}, {0.55f, 0.50f, 0.40f},
+                             {0.12f, 0.20f, 0.13f}, {0.60f, 0.36f, 0.10f}, {0.66f, 0.63f, 0.57f},
+                             {0.09f, 0.09f, 0.10f}, {0.33f, 0.20f, 0.24f}, {0.20f, 0.33f, 0.36f},
+                             {0.48f, 0.24f, 0.13f}};
   for (int shelf = 0; shelf < 5; ++shelf) {
     const double z = kShelves[shelf] + 0.026;
     double y = y1 - 0.05;
@@ -183,7 +190,8 @@ void AddBookshelf(Builder& b) {
       if (Unit(key, 2) < 0.10 && i > 2) {  // room for a thing between the books
         const double r = 0.05;
         if (y - 2.6 * r < y0 + 0.05) break;
-        const Vector3f glaze = Unit(key, 9) < 0.5f ? Vector3f(0.58f, 0.55f, 0.50f) : Vector3f(0.12f, 0.24f, 0.27f);
+        const Vector3f glaze =
+            Unit(key, 9) < 0.5f ? Vector3f(0.58f, 0.55f, 0.50f) : Vector3f(0.12f, 0.24f, 0.27f);
         b.Cone(MakeEllipsoid({5.43, y - 1.3 * r, z + 0.075}, Eigen::Matrix3d::Identity(), {r, r, 0.075}),
                Surface::kCeramic, glaze);
         y -= 2.6 * r;
@@ -199,9 +207,12 @@ void AddBookshelf(Builder& b) {
 }
 
 void AddSkirting(Builder& b) {
-  b.Box({plan::kBackX - 0.016, plan::kRightY, 0}, {plan::kBackX, plan::kLeftY, 0.12}, Surface::kPaint, kWhite);
-  b.Box({plan::kFrontX, plan::kLeftY - 0.016, 0}, {plan::kBackX, plan::kLeftY, 0.12}, Surface::kPaint, kWhite);
-  b.Box({plan::kFrontX, plan::kRightY, 0}, {plan::kBackX, plan::kRightY + 0.016, 0.12}, Surface::kPaint, kWhite);
+  b.Box({plan::kBackX - 0.016, plan::kRightY, 0}, {plan::kBackX, plan::kLeftY, 0.12}, Surface::kPaint,
+        kWhite);
+  b.Box({plan::kFrontX, plan::kLeftY - 0.016, 0}, {plan::kBackX, plan::kLeftY, 0.12}, Surface::kPaint,
+        kWhite);
+  b.Box({plan::kFrontX, plan::kRightY, 0}, {plan::kBackX, plan::kRightY + 0.016, 0.12}, Surface::kPaint,
+        kWhite);
 }
 
 }  // namespace

@@ -37,7 +37,8 @@ double AreaLight::DiscRadius() const { return std::sqrt(4 * half_u.norm() * half
 
 AreaLight WindowLight() {
   AreaLight light;
-  light.center = {0.5 * (plan::kWindowX0 + plan::kWindowX1), plan::kLeftY, 0.5 * (plan::kWindowZ0 + plan::kWindowZ1)};
+  light.center = {0.5 * (plan::kWindowX0 + plan::kWindowX1), plan::kLeftY,
+                  0.5 * (plan::kWindowZ0 + plan::kWindowZ1)};
   light.half_u = {0.5 * (plan::kWindowX1 - plan::kWindowX0), 0, 0};
   light.half_v = {0, 0, 0.5 * (plan::kWindowZ1 - plan::kWindowZ0)};
   light.normal = -Vector3d::UnitY();
@@ -104,7 +105,8 @@ float RoomLight::Visibility(const AreaLight& light, const Vector3d& p, const Vec
 
 Vector3f RoomLight::Lamp(const Vector3d& p, const Vector3d& normal, std::uint32_t seed) const {
   const Eigen::Vector2d jitter = Lattice(0, 1, seed);
-  const Vector3d bulb(plan::kLampX + 0.08 * (jitter.x() - 0.5), plan::kLampY + 0.08 * (jitter.y() - 0.5), plan::kLampZ);
+  const Vector3d bulb(plan::kLampX + 0.08 * (jitter.x() - 0.5), plan::kLampY + 0.08 * (jitter.y() - 0.5),
+                      plan::kLampZ);
   const Vector3d to = bulb - p;
   const double range = to.norm();
   const Vector3d direction = to / range;
@@ -121,7 +123,8 @@ Vector3f RoomLight::Lamp(const Vector3d& p, const Vector3d& normal, std::uint32_
 
 Vector3f RoomLight::Seen(const Ray& ray, std::uint32_t seed) const {
   const Room::Found found = room_.Trace(ray);
-  // The window's own light and the lamp's shade are sampled as lights; in reflections they are seen as they are.
+  // The window's own light and the lamp's shade are sampled as lights; in reflections they are seen as they
+  // are.
   if (found.surface == Surface::kPane) return Vector3f::Zero();
   const Vector3d p = ray.origin + found.range_m * ray.direction;
   const Material material = room_.PlainMaterial(found);

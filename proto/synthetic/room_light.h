@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Light in the synthetic room: a large window, a soft box under the ceiling, a lamp, and what the surfaces throw
-// back once. All irradiances are divided by pi: albedo times irradiance is the radiance seen, 1 = the picture's white.
+// Light in the synthetic room: a large window, a soft box under the ceiling, a lamp, and what the surfaces
+// throw back once. All irradiances are divided by pi: albedo times irradiance is the radiance seen, 1 = the
+// picture's white.
 #pragma once
 
 #include <Eigen/Core>
@@ -23,18 +24,22 @@ struct AreaLight {
 AreaLight WindowLight();
 AreaLight SoftboxLight();
 
-// Unoccluded irradiance from a light of radiance 1 (Lambert's polygon formula, cut at the surface's horizon): 0..1.
-[[nodiscard]] float UnitIrradiance(const AreaLight& light, const Eigen::Vector3d& p, const Eigen::Vector3d& normal);
+// Unoccluded irradiance from a light of radiance 1 (Lambert's polygon formula, cut at the surface's horizon):
+// 0..1.
+[[nodiscard]] float UnitIrradiance(const AreaLight& light, const Eigen::Vector3d& p,
+                                   const Eigen::Vector3d& normal);
 
 class RoomLight {
  public:
   explicit RoomLight(const Room& room);  // kept by reference
 
-  // Share of a light that reaches a point, 0..1, by `rays` stratified shadow rays; `seed` turns their pattern.
-  [[nodiscard]] float Visibility(const AreaLight& light, const Eigen::Vector3d& p, const Eigen::Vector3d& normal,
-                                 int rays, std::uint32_t seed) const;
+  // Share of a light that reaches a point, 0..1, by `rays` stratified shadow rays; `seed` turns their
+  // pattern.
+  [[nodiscard]] float Visibility(const AreaLight& light, const Eigen::Vector3d& p,
+                                 const Eigen::Vector3d& normal, int rays, std::uint32_t seed) const;
   // Irradiance from the lamp on the sideboard.
-  [[nodiscard]] Eigen::Vector3f Lamp(const Eigen::Vector3d& p, const Eigen::Vector3d& normal, std::uint32_t seed) const;
+  [[nodiscard]] Eigen::Vector3f Lamp(const Eigen::Vector3d& p, const Eigen::Vector3d& normal,
+                                     std::uint32_t seed) const;
   // Irradiance from the surfaces around, `rays` over the hemisphere.
   [[nodiscard]] Eigen::Vector3f Bounced(const Eigen::Vector3d& p, const Eigen::Vector3d& normal, int rays,
                                         std::uint32_t seed) const;

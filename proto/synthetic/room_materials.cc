@@ -24,7 +24,8 @@ Vector3f Wood(const Vector3f& base, double u, double w, float contrast) {
   const float streaks = Fbm(1.3 * u, 38 * w);
   const float fibre = ValueNoise(9 * u, 310 * w);
   const float rings = 0.5f + 0.5f * std::sin(static_cast<float>(60 * w + 5 * Fbm(0.9 * u, 6 * w)));
-  const float shade = 1 + contrast * (0.75f * (streaks - 0.5f) + 0.28f * (fibre - 0.5f) + 0.16f * (rings - 0.5f));
+  const float shade =
+      1 + contrast * (0.75f * (streaks - 0.5f) + 0.28f * (fibre - 0.5f) + 0.16f * (rings - 0.5f));
   return shade * base;
 }
 
@@ -36,12 +37,14 @@ Material FloorBoards(const Vector3d& p) {
   const int board = static_cast<int>(std::floor(along / kLength));
   const float tone = Unit(row, 100 + board);
   const float warm = Unit(row + 517, board);
-  const Vector3f base = (0.80f + 0.40f * tone) * Vector3f(0.36f, 0.215f + 0.012f * warm, 0.110f + 0.018f * warm);
+  const Vector3f base =
+      (0.80f + 0.40f * tone) * Vector3f(0.36f, 0.215f + 0.012f * warm, 0.110f + 0.018f * warm);
   Material m;
   m.albedo = Wood(base, along + 3.7 * row, p.y() + 0.31 * board, 0.75f);
   const double to_side = std::min(p.y() - row * kBoard, (row + 1) * kBoard - p.y());
   const double to_end = std::min(along - board * kLength, (board + 1) * kLength - along);
-  const float gap = std::max(1 - static_cast<float>(to_side) / 0.0022f, 1 - static_cast<float>(to_end) / 0.0018f);
+  const float gap =
+      std::max(1 - static_cast<float>(to_side) / 0.0022f, 1 - static_cast<float>(to_end) / 0.0018f);
   m.albedo *= 1 - 0.72f * std::clamp(gap, 0.f, 1.f);
   m.gloss = (0.62f + 0.3f * Fbm(2.3 * p.x(), 11 * p.y())) * (1 - std::clamp(gap, 0.f, 1.f));
   return m;
@@ -56,9 +59,11 @@ Material RugAt(const Vector3d& p) {
   const Vector3f cream(0.60f, 0.54f, 0.45f);
   const Vector3f terracotta(0.42f, 0.165f, 0.095f);
   const Vector3f slate(0.125f, 0.15f, 0.165f);
-  const double edge = std::min(std::min(p.x() - kRugX0, kRugX1 - p.x()), std::min(p.y() - kRugY0, kRugY1 - p.y()));
+  const double edge =
+      std::min(std::min(p.x() - kRugX0, kRugX1 - p.x()), std::min(p.y() - kRugY0, kRugY1 - p.y()));
   auto band = [&](double from, double to) {
-    return SmoothStep(0, 0.006f, static_cast<float>(edge - from)) * SmoothStep(0, 0.006f, static_cast<float>(to - edge));
+    return SmoothStep(0, 0.006f, static_cast<float>(edge - from)) *
+           SmoothStep(0, 0.006f, static_cast<float>(to - edge));
   };
   Vector3f color = cream;
   const double lozenge_x = std::abs(std::remainder(p.x() - 3.72, 0.37)) / 0.37;
@@ -115,7 +120,8 @@ Material Doors(const Solid& solid, const Room::Found& found, const Vector3d& p) 
   m.gloss = 0.25f;
   if (found.normal.x() < -0.5) {
     const double to_gap = std::min(std::abs(p.y() - 0.35), std::abs(p.y() - 0.95));
-    const double to_frame = std::min(std::min(p.y() + 0.2, 1.6 - p.y()), std::min(p.z() - 0.17, 0.72 - p.z()));
+    const double to_frame =
+        std::min(std::min(p.y() + 0.2, 1.6 - p.y()), std::min(p.z() - 0.17, 0.72 - p.z()));
     if (to_gap < 0.0025) m.albedo *= 0.2f;
     if (to_frame < 0.018) m.albedo *= to_frame > 0.0155 ? 0.25f : 0.85f;
   }
@@ -173,7 +179,8 @@ Material Room::MaterialAt(const Found& found, const Vector3d& p) const {
     case Surface::kOak: {
       const Solid& s = solids_[static_cast<std::size_t>(found.solid)];
       const bool upright = s.half.z() > s.half.y();
-      m.albedo = upright ? Wood(s.color, p.z(), p.y() + p.x(), 0.55f) : Wood(s.color, p.y(), p.z() + p.x(), 0.55f);
+      m.albedo =
+          upright ? Wood(s.color, p.z(), p.y() + p.x(), 0.55f) : Wood(s.color, p.y(), p.z() + p.x(), 0.55f);
       m.gloss = 0.15f;
       break;
     }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The synthetic room's plan: world frame, metres. The head stands near the origin and looks along +x, a little to
-// the left (+y), where the window is.
+// The synthetic room's plan: world frame, metres. The head stands near the origin and looks along +x, a
+// little to the left (+y), where the window is.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,7 +11,8 @@ namespace mixstage::room_plan {
 inline constexpr double kBackX = 5.6, kFrontX = -1.4, kLeftY = 2.6, kRightY = -3.3, kCeilingZ = 2.7;
 
 // The window's opening in the left wall and how deep the pane sits in it.
-inline constexpr double kWindowX0 = 2.75, kWindowX1 = 4.95, kWindowZ0 = 0.78, kWindowZ1 = 2.25, kPaneY = kLeftY + 0.2;
+inline constexpr double kWindowX0 = 2.75, kWindowX1 = 4.95, kWindowZ0 = 0.78, kWindowZ1 = 2.25,
+                        kPaneY = kLeftY + 0.2;
 
 // A soft box under the ceiling, shining down.
 inline constexpr double kSoftboxX = 2.3, kSoftboxY = -0.9, kSoftboxZ = 2.66, kSoftboxHalf = 0.26;
@@ -26,7 +27,8 @@ inline const Eigen::Vector3d kFarSpot(4.78, -0.38, 0.0);  // free: radius 0.30 m
 
 // In the room and not in the floor: a camera can stand there.
 [[nodiscard]] inline bool Inside(const Eigen::Vector3d& p) {
-  return p.x() > kFrontX && p.x() < kBackX && p.y() > kRightY && p.y() < kLeftY && p.z() > 0.2 && p.z() < kCeilingZ;
+  return p.x() > kFrontX && p.x() < kBackX && p.y() > kRightY && p.y() < kLeftY && p.z() > 0.2 &&
+         p.z() < kCeilingZ;
 }
 
 }  // namespace mixstage::room_plan

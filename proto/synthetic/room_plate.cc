@@ -14,15 +14,15 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::Vector3f;
 
-constexpr int kWindowRays = 5, kSoftboxRays = 2, kBounceRays = 4;
+constexpr int kWindowRays = 4, kSoftboxRays = 3, kBounceRays = 4;
 constexpr int kSamples = 4;  // per pixel, on a turned grid
 
 // Light that varies slowly over a surface, at every second pixel; noisy until it is filtered.
 struct LightSample {
   Vector3f point = Vector3f::Zero(), normal = Vector3f::Zero();
-  float window = 0, softbox = 0;      // share of the lamp that is seen, 0..1
+  float window = 0, softbox = 0;            // share of the lamp that is seen, 0..1
   float window_unit = 0, softbox_unit = 0;  // unoccluded irradiance of a light of radiance 1
-  Vector3f rest = Vector3f::Zero();   // irradiance
+  Vector3f rest = Vector3f::Zero();         // irradiance
   Room::Found found;
 };
 
@@ -49,8 +49,8 @@ class PlateRenderer {
   }
 
  private:
-  // Ray per metre of depth at any place of the padded picture; outside the picture or beyond the lens' fold the
-  // nearest ray that exists.
+  // Ray per metre of depth at any place of the padded picture; outside the picture or beyond the lens' fold
+  // the nearest ray that exists.
   Vector3d RayAt(double u, double v) const {
     const int w = plate_.padded_width;
     const int h = plate_.padded_height;
@@ -111,7 +111,8 @@ class PlateRenderer {
         s.window = light_.Visibility(light_.window(), p, found.normal, kWindowRays, seed);
         s.softbox = light_.Visibility(light_.softbox(), p, found.normal, kSoftboxRays, Mix(seed, 1));
         if (HasRest(i, j)) {
-          s.rest = light_.Bounced(p, found.normal, kBounceRays, Mix(seed, 2)) + light_.Lamp(p, found.normal, Mix(seed, 3));
+          s.rest = light_.Bounced(p, found.normal, kBounceRays, Mix(seed, 2)) +
+                   light_.Lamp(p, found.normal, Mix(seed, 3));
         }
       }
     });
@@ -120,7 +121,8 @@ class PlateRenderer {
   // Bounced light is the smoothest and the dearest: every second sample has it.
   static bool HasRest(int i, int j) { return i % 2 == 0 && j % 2 == 0; }
 
-  // Mean over neighbours on the same surface: +-2 samples for shadows, which keep their edges, +-6 for the rest.
+  // Mean over neighbours on the same surface: +-3 samples for shadows, which keep their edges, +-6 for the
+  // rest.
   void FilterLight() {
     std::vector<LightSample> filtered(samples_);
     ForRows(grid_height_, [&](int j) {
@@ -129,7 +131,7 @@ class PlateRenderer {
         const LightSample& center = At(i, j);
         LightSample sum;
         float weight = 0;
-        ForNeighbours(i, j, 2, 1, [&](const LightSample& s, int, int) {
+        ForNeighbours(i, j, 3, 1, [&](const LightSample& s, int, int) {
           const float w = Likeness(s, center.point, center.normal);
           sum.window += w * s.window;
           sum.softbox += w * s.softbox;
@@ -208,8 +210,9 @@ class PlateRenderer {
   // The four samples around (u, v) lie on one flat face: its light is between theirs.
   bool OnOneFace(int x, int y) const {
     const LightSample& a = At(x, y);
-    const bool flat = a.found.solid < 0 ? a.found.surface != Surface::kPane
-                                        : room_.solids()[static_cast<std::size_t>(a.found.solid)].kind == Solid::Kind::kBox;
+    const bool flat = a.found.solid < 0
+                          ? a.found.surface != Surface::kPane
+                          : room_.solids()[static_cast<std::size_t>(a.found.solid)].kind == Solid::Kind::kBox;
     if (!flat) return false;
     for (const LightSample* s : {&At(x + 1, y), &At(x, y + 1), &At(x + 1, y + 1)}) {
       if (s->found.solid != a.found.solid || s->found.surface != a.found.surface ||
@@ -246,7 +249,8 @@ class PlateRenderer {
   }
 
   // What a glossy surface mirrors. The window is as bright there as it lights.
-  Vector3f Mirrored(const Ray& ray, const Room::Found& found, const Vector3d& p, float gloss, std::uint32_t seed) const {
+  Vector3f Mirrored(const Ray& ray, const Room::Found& found, const Vector3d& p, float gloss,
+                    std::uint32_t seed) const {
     const double cosine = std::clamp(-ray.direction.dot(found.normal), 0.0, 1.0);
     const auto fresnel = static_cast<float>(0.035 + 0.965 * std::pow(1 - cosine, 5.0));
     const float strength = gloss * std::min(fresnel, 0.30f);
@@ -280,7 +284,8 @@ class PlateRenderer {
   }
 
   void ShadePixel(int u, int v) {
-    constexpr double kGrid[kSamples][2] = {{-0.375, -0.125}, {0.125, -0.375}, {0.375, 0.125}, {-0.125, 0.375}};
+    constexpr double kGrid[kSamples][2] = {
+        {-0.375, -0.125}, {0.125, -0.375}, {0.375, 0.125}, {-0.125, 0.375}};
     Vector3f window = Vector3f::Zero();
     Vector3f softbox = Vector3f::Zero();
     Vector3f rest = Vector3f::Zero();
@@ -343,7 +348,9 @@ class PlateRenderer {
 
   static double Sq(double x) { return x * x; }
   LightSample& At(int i, int j) { return samples_[static_cast<std::size_t>(j * grid_width_ + i)]; }
-  const LightSample& At(int i, int j) const { return samples_[static_cast<std::size_t>(j * grid_width_ + i)]; }
+  const LightSample& At(int i, int j) const {
+    return samples_[static_cast<std::size_t>(j * grid_width_ + i)];
+  }
 
   const Room& room_;
   const RoomLight& light_;
@@ -356,7 +363,8 @@ class PlateRenderer {
 
 }  // namespace
 
-RoomPlate RenderRoomPlate(const Room& room, const RoomLight& light, const Rig& rig, const RigidTransform& T_world_color) {
+RoomPlate RenderRoomPlate(const Room& room, const RoomLight& light, const Rig& rig,
+                          const RigidTransform& T_world_color) {
   return PlateRenderer(room, light, rig, T_world_color).Run();
 }
 

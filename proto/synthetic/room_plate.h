@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The empty room as the colour camera sees it, computed once: linear light in three layers, so that a figure can take
-// away the light of each lamp where its shadow falls.
+// The empty room as the colour camera sees it, computed once: linear light in three layers, so that a figure
+// can take away the light of each lamp where its shadow falls.
 #pragma once
 
 #include <opencv2/core.hpp>
@@ -20,8 +20,8 @@ inline constexpr int kNodeStep = 4;
 struct RoomPlate {
   int width = 0, height = 0;                // px, of the picture
   int padded_width = 0, padded_height = 0;  // px
-  cv::Mat1f ray[3];      // [padded] world direction of a pixel per metre of depth: p = origin + z * ray
-  cv::Mat1f window[3];   // [padded] linear r, g, b as the camera records it (lens shading included), 1 = white
+  cv::Mat1f ray[3];     // [padded] world direction of a pixel per metre of depth: p = origin + z * ray
+  cv::Mat1f window[3];  // [padded] linear r, g, b as the camera records it (lens shading included), 1 = white
   cv::Mat1f softbox[3];  // [padded]
   cv::Mat1f rest[3];     // [padded] bounced light, the lamp, what shines itself
   cv::Mat1f vignette;    // [padded] 0..1
@@ -31,6 +31,7 @@ struct RoomPlate {
 };
 
 // About a second on two cores.
-RoomPlate RenderRoomPlate(const Room& room, const RoomLight& light, const Rig& rig, const RigidTransform& T_world_color);
+RoomPlate RenderRoomPlate(const Room& room, const RoomLight& light, const Rig& rig,
+                          const RigidTransform& T_world_color);
 
 }  // namespace mixstage

@@ -6,8 +6,9 @@
 
 namespace mixstage {
 
-// With slope s and c^2 = 1 - s^2 the side is rho c + z s = radius_a, and the sphere that touches it at height z
-// sits at k = (z - s radius_a) / c^2 with radius radius_a - s k; outside [0, length] an end sphere takes over.
+// With slope s and c^2 = 1 - s^2 the side is rho c + z s = radius_a, and the sphere that touches it at height
+// z sits at k = (z - s radius_a) / c^2 with radius radius_a - s k; outside [0, length] an end sphere takes
+// over.
 double RoundCone::AxisOf(double local_z) const {
   const double s = Slope();
   return std::clamp((local_z - s * radius_a_m) / (1 - s * s), 0.0, length_m);
@@ -64,16 +65,19 @@ Eigen::AlignedBox3d RoundCone::Bounds() const {
   return box;
 }
 
-RoundCone MakeRoundCone(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double radius_a_m, double radius_b_m,
-                        const Eigen::Vector3d& side, double stretch_side, double stretch_front) {
+RoundCone MakeRoundCone(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double radius_a_m,
+                        double radius_b_m, const Eigen::Vector3d& side, double stretch_side,
+                        double stretch_front) {
   const Eigen::Vector3d along = b - a;
   RoundCone cone;
   cone.a = a;
   cone.length_m = along.norm();
   cone.radius_a_m = radius_a_m;
   // A sphere that holds the other one is the hull; keep the slope below 1.
-  cone.radius_b_m = std::clamp(radius_b_m, radius_a_m - 0.95 * cone.length_m, radius_a_m + 0.95 * cone.length_m);
-  const Eigen::Vector3d axis = cone.length_m > 1e-9 ? Eigen::Vector3d(along / cone.length_m) : Eigen::Vector3d::UnitZ();
+  cone.radius_b_m =
+      std::clamp(radius_b_m, radius_a_m - 0.95 * cone.length_m, radius_a_m + 0.95 * cone.length_m);
+  const Eigen::Vector3d axis =
+      cone.length_m > 1e-9 ? Eigen::Vector3d(along / cone.length_m) : Eigen::Vector3d::UnitZ();
   Eigen::Vector3d x = side - side.dot(axis) * axis;
   if (x.squaredNorm() < 1e-8) x = axis.unitOrthogonal();
   x.normalize();

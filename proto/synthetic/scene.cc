@@ -43,13 +43,15 @@ struct SyntheticScene::Impl {
     return camera == SyntheticCamera::kColor ? rig.color : rig.depth->camera;
   }
   RigidTransform PoseOf(SyntheticCamera camera) const {
-    return camera == SyntheticCamera::kColor || rig.registered ? T_world_color : T_world_color * rig.T_color_depth;
+    return camera == SyntheticCamera::kColor || rig.registered ? T_world_color
+                                                               : T_world_color * rig.T_color_depth;
   }
   // Range of the figure along a ray, infinite where it misses.
   static double FigureRange(const Figure& figure, const Ray& ray, int& part) {
     double best = INFINITY;
     for (int i = 0; i < figure.count; ++i) {
-      const auto t = figure.parts[static_cast<std::size_t>(i)].cone.Intersect(ray.origin, ray.direction, 1e-6);
+      const auto t =
+          figure.parts[static_cast<std::size_t>(i)].cone.Intersect(ray.origin, ray.direction, 1e-6);
       if (t && *t < best) {
         best = *t;
         part = i;
@@ -92,8 +94,8 @@ Result<SyntheticScene> SyntheticScene::Create(const Rig& rig, const SyntheticCon
 void SyntheticScene::RenderColor(double time_s, YuvImage& out) {
   const Figure* figure = impl_->FigureAt(time_s, impl_->color_figure);
   if (figure != nullptr) impl_->figure_light.At(impl_->walk.At(time_s).body, impl_->body_light);
-  impl_->color.Render(figure, figure != nullptr ? impl_->body_light : impl_->empty_light, Impl::FrameOf(time_s),
-                      impl_->tape, impl_->config.noise, out);
+  impl_->color.Render(figure, figure != nullptr ? impl_->body_light : impl_->empty_light,
+                      Impl::FrameOf(time_s), impl_->tape, impl_->config.noise, out);
 }
 
 void SyntheticScene::RenderTof(double time_s, cv::Mat1w& range, cv::Mat1w& amplitude) {
@@ -117,7 +119,8 @@ Hit SyntheticScene::Trace(const Ray& ray, double time_s) const {
   return hit;
 }
 
-std::optional<SyntheticTruth> SyntheticScene::TruthAt(SyntheticCamera camera, double u, double v, double time_s) const {
+std::optional<SyntheticTruth> SyntheticScene::TruthAt(SyntheticCamera camera, double u, double v,
+                                                      double time_s) const {
   const auto n = impl_->CameraOf(camera).Unproject(Vector2d(u, v));
   if (!n) return std::nullopt;
   const RigidTransform T_world_camera = impl_->PoseOf(camera);

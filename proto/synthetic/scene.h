@@ -32,32 +32,35 @@ struct SyntheticTruth {
 
 class SyntheticScene {
  public:
-  // Renders the empty room: about a second. The rig's colour camera, and its depth camera where there is one; where
-  // they stand is SyntheticTWorldColor's answer (rig.h). Fails with kInvalidConfig where a camera is not valid or
-  // wider than 8192 px.
+  // Renders the empty room: about a second. The rig's colour camera, and its depth camera where there is one;
+  // where they stand is SyntheticTWorldColor's answer (rig.h). Fails with kInvalidConfig where a camera is
+  // not valid or wider than 8192 px.
   static Result<SyntheticScene> Create(const Rig& rig, const SyntheticConfig& config);
   SyntheticScene(SyntheticScene&&) noexcept;
   SyntheticScene& operator=(SyntheticScene&&) noexcept;
   ~SyntheticScene();
 
-  // The pictures at a time (seconds, any; the figure's play repeats every kLoop_s, the noise does not). The same
-  // seed and time give the same bytes. Allocate nothing once the pictures have their size; one thread at a time.
+  // The pictures at a time (seconds, any; the figure's play repeats every kLoop_s, the noise does not). The
+  // same seed and time give the same bytes. Allocate nothing once the pictures have their size; one thread at
+  // a time.
   void RenderColor(double time_s, YuvImage& out);
   // range [h x w]: counts of the rig's unit_m (z instead of range where the rig says so), 0 = no measurement;
-  // amplitude [h x w]. The rig must have a depth camera (checked). May run beside RenderColor on another thread.
+  // amplitude [h x w]. The rig must have a depth camera (checked). May run beside RenderColor on another
+  // thread.
   void RenderTof(double time_s, cv::Mat1w& range, cv::Mat1w& amplitude);
 
   // Truth, never sent anywhere. Exact in double precision; any thread.
   // What a ray (world, unit direction) meets first at a time.
   [[nodiscard]] Hit Trace(const Ray& ray, double time_s) const;
   // At a pixel of a camera, at any subpixel place; nothing where the lens has no ray.
-  [[nodiscard]] std::optional<SyntheticTruth> TruthAt(SyntheticCamera camera, double u, double v, double time_s) const;
+  [[nodiscard]] std::optional<SyntheticTruth> TruthAt(SyntheticCamera camera, double u, double v,
+                                                      double time_s) const;
   // [h x w] z at pixel centres of the camera's own distorted view; 0 where the lens has no ray.
   [[nodiscard]] cv::Mat1f TruthDepth(SyntheticCamera camera, double time_s) const;
   // [h x w] colour camera: share of the pixel that the figure covers, 0..255, linear.
   [[nodiscard]] cv::Mat1b TruthMatte(double time_s) const;
-  // [h x w] colour camera: 0 background, 1 actor, 2 shadow of the actor on the background (the room lost more than a
-  // tenth of its light), as FORMATS' label.
+  // [h x w] colour camera: 0 background, 1 actor, 2 shadow of the actor on the background (the room lost more
+  // than a tenth of its light), as FORMATS' label.
   [[nodiscard]] cv::Mat1b TruthLabel(double time_s);
   [[nodiscard]] const RigidTransform& TruthPose() const;  // T_world_color
   // What the figure does; nothing while the set is empty.

@@ -16,7 +16,9 @@ namespace mixstage {
   h *= 0xc2b2ae35u;
   return h ^ (h >> 16);
 }
-[[nodiscard]] inline std::uint32_t Mix(std::uint32_t a, std::uint32_t b) { return Mix(a ^ Mix(b + 0x9e3779b9u)); }
+[[nodiscard]] inline std::uint32_t Mix(std::uint32_t a, std::uint32_t b) {
+  return Mix(a ^ Mix(b + 0x9e3779b9u));
+}
 
 // 0..1, one value per pair of integers.
 [[nodiscard]] inline float Unit(int a, int b) {

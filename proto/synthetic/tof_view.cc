@@ -61,12 +61,14 @@ void TofView::TraceRoom(const Room& room) {
   cv::parallel_for_(cv::Range(0, c.height), [&](const cv::Range& rows) {
     for (int v = rows.start; v < rows.end; ++v) {
       for (int u = 0; u < c.width; ++u) {
-        const auto pixel = static_cast<std::size_t>(v) * static_cast<std::size_t>(c.width) + static_cast<std::size_t>(u);
+        const auto pixel =
+            static_cast<std::size_t>(v) * static_cast<std::size_t>(c.width) + static_cast<std::size_t>(u);
         const auto center = c.Unproject(Vector2d(u, v));
         if (!center) continue;  // stays without light: no measurement
         const Vector3d axis = R * Vector3d(center->x(), center->y(), 1);
         z_per_range_[pixel] = static_cast<float>(1 / axis.norm());
-        room_range_m_[pixel] = static_cast<float>(room.Trace({T_world_depth_.translation(), axis.normalized()}).range_m);
+        room_range_m_[pixel] =
+            static_cast<float>(room.Trace({T_world_depth_.translation(), axis.normalized()}).range_m);
         float re = 0;
         float im = 0;
         for (std::size_t k = 0; k < kRays; ++k) {
@@ -79,7 +81,8 @@ void TofView::TraceRoom(const Room& room) {
           const Room::Found found = room.Trace(ray);
           const Vector3d p = ray.origin + found.range_m * ray.direction;
           const float albedo = InfraredAlbedo(found.surface, room.MaterialAt(found, p).albedo);
-          const double light = albedo * std::abs(found.normal.dot(ray.direction)) / (found.range_m * found.range_m);
+          const double light =
+              albedo * std::abs(found.normal.dot(ray.direction)) / (found.range_m * found.range_m);
           const double phase = found.range_m * radians_per_m_;
           room_re_[at] = static_cast<float>(light * std::cos(phase));
           room_im_[at] = static_cast<float>(light * std::sin(phase));
@@ -129,11 +132,13 @@ void TofView::Render(const Figure* figure, std::uint32_t frame, const NoiseTape&
     if (v >= view_.v0 && v <= view_.v1) {
       for (int k = 0; k < view_.count; ++k) {
         const PartView& part = view_.parts[static_cast<std::size_t>(k)];
-        if (part.u0 <= part.u1 && v >= part.v0 && v <= part.v1) in_row[row_count++] = static_cast<std::uint8_t>(k);
+        if (part.u0 <= part.u1 && v >= part.v0 && v <= part.v1)
+          in_row[row_count++] = static_cast<std::uint8_t>(k);
       }
     }
     for (int u = 0; u < c.width; ++u) {
-      const auto pixel = static_cast<std::size_t>(v) * static_cast<std::size_t>(c.width) + static_cast<std::size_t>(u);
+      const auto pixel =
+          static_cast<std::size_t>(v) * static_cast<std::size_t>(c.width) + static_cast<std::size_t>(u);
       Pixel measured = room_[pixel];
       if (row_count > 0 && u >= view_.u0 && u <= view_.u1) {
         int count = 0;
@@ -146,8 +151,8 @@ void TofView::Render(const Figure* figure, std::uint32_t frame, const NoiseTape&
           const float* const rays[3] = {&ray_[0][at], &ray_[1][at], &ray_[2][at]};
           float re = 0;
           float im = 0;
-          const int met = BodyPhasor(view_.parts.data(), here, count, rays, &length_[at], &room_re_[at], &room_im_[at],
-                                     radians_per_m_, re, im);
+          const int met = BodyPhasor(view_.parts.data(), here, count, rays, &length_[at], &room_re_[at],
+                                     &room_im_[at], radians_per_m_, re, im);
           if (met > 0) {
             const float near_m = met > kRays / 2 ? view_.parts[here[0]].near_m : room_range_m_[pixel];
             measured = Measure(re, im, near_m, pixel);
@@ -162,8 +167,10 @@ void TofView::Render(const Figure* figure, std::uint32_t frame, const NoiseTape&
       float m = measured.reported_m + noise_scale * RangeNoise_m(measured.light) * normal[u];
       if (wrap_m > 0) m -= wrap_m * std::floor(m / wrap_m);
       range(v, u) = static_cast<std::uint16_t>(std::clamp(std::lround(m * counts_per_m), 1L, 65535L));
-      const float light = measured.light + noise_scale * amplitude_noise[u] * (0.0004f + 0.01f * measured.light);
-      amplitude(v, u) = static_cast<std::uint16_t>(std::clamp(std::lround(light * kAmplitudeCounts), 0L, 65535L));
+      const float light =
+          measured.light + noise_scale * amplitude_noise[u] * (0.0004f + 0.01f * measured.light);
+      amplitude(v, u) =
+          static_cast<std::uint16_t>(std::clamp(std::lround(light * kAmplitudeCounts), 0L, 65535L));
     }
   }
 }

@@ -82,7 +82,8 @@ double PhaseOut(double t) {
 }
 double TimeOut(double phase) {
   const double fast = 0.5 * kRate * kSpeedUp_s;
-  return kOut_s + (phase < fast ? std::sqrt(2 * phase * kSpeedUp_s / kRate) : phase / kRate + 0.5 * kSpeedUp_s);
+  return kOut_s +
+         (phase < fast ? std::sqrt(2 * phase * kSpeedUp_s / kRate) : phase / kRate + 0.5 * kSpeedUp_s);
 }
 
 // Footprints: the body passes the middle of step n above footprint n. Even ones are the right foot's.

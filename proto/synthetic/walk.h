@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the figure does, as a function of time: where his pelvis, feet and hands are. A loop of kLoop_s: an empty set,
-// he enters on the right at the far depth, crosses to the window, turns, comes back nearer to the camera, stops, waves,
-// and leaves on the right.
+// What the figure does, as a function of time: where his pelvis, feet and hands are. A loop of kLoop_s: an
+// empty set, he enters on the right at the far depth, crosses to the window, turns, comes back nearer to the
+// camera, stops, waves, and leaves on the right.
 #pragma once
 
 #include <Eigen/Core>
@@ -22,14 +22,14 @@ struct FootPose {
 
 struct WalkState {
   Eigen::Vector2d body = Eigen::Vector2d::Zero();  // world, m: below the pelvis
-  double yaw_rad = 0;     // where the pelvis faces, 0 = +x
-  double stride = 0;      // 0 standing .. 1 walking
-  double phase = 0;       // in steps; even: the left foot swings
-  FootPose foot[2];       // left, right
-  double wave = 0;        // 0..1: right hand raised and waving
-  double wave_angle = 0;  // rad, of the waving forearm
-  double present = 0;     // 0..1: left arm offered to the side
-  double look_yaw_rad = 0;  // of the head, relative to the pelvis
+  double yaw_rad = 0;                              // where the pelvis faces, 0 = +x
+  double stride = 0;                               // 0 standing .. 1 walking
+  double phase = 0;                                // in steps; even: the left foot swings
+  FootPose foot[2];                                // left, right
+  double wave = 0;                                 // 0..1: right hand raised and waving
+  double wave_angle = 0;                           // rad, of the waving forearm
+  double present = 0;                              // 0..1: left arm offered to the side
+  double look_yaw_rad = 0;                         // of the head, relative to the pelvis
 };
 
 class Walk {

@@ -14,15 +14,18 @@ constexpr float kMostTaps = 4.0f;
 constexpr float kBeside = -0.1f;
 constexpr float kLongestStep = 16.0f;  // textures a pixel
 
-// How many samples along the footprint's longer axis, and what each stands for: the shorter axis where that
-// is enough, else a share of the longer one. x, y: texels that one pixel step to the right and down moves.
+// How many samples along the footprint's longer axis, and what each stands for. A sample reaches two texels
+// of its level, so one is enough up to 1 : 2 (it is then blurred a little across and sharp a little along),
+// two up to 1 : 4 and so on; beyond 1 : 8 they are set apart by as much as they reach. x, y: texels that one
+// pixel step to the right and down moves.
 void Footprint(const Eigen::Vector2f& x, const Eigen::Vector2f& y, float& taps, float& texels_per_tap) {
   const float longer = std::sqrt(std::max(x.squaredNorm(), y.squaredNorm()));
   const float area = std::abs(x.x() * y.y() - x.y() * y.x());
   const float shorter = area / std::max(longer, 1e-12f);
-  const float ratio = std::nearbyint(longer / std::max(shorter, 1e-12f));
-  taps = std::min(longer > 1.0f ? kMostTaps : 1.0f, std::max(1.0f, ratio));  // 1 where ratio is not a number
-  texels_per_tap = std::max(shorter, longer / taps);
+  const float wanted = std::ceil(0.5f * longer / std::max(shorter, 1e-12f) - 0.01f);
+  taps =
+      std::min(longer > 1.0f ? kMostTaps : 1.0f, std::max(1.0f, wanted));  // 1 where wanted is not a number
+  texels_per_tap = std::max(std::sqrt(area / taps), 0.5f * longer / taps);
 }
 
 // Of a triangle that is seen edge on, steps mean nothing, nor may they be numbers.

@@ -113,9 +113,11 @@ void InterpolateVector(float pixel_rad, std::size_t count, FragmentRows& rows) {
     const V area = hn::Abs(hn::MulSub(right_u, down_v, hn::Mul(right_v, down_u)));
     const V shorter = hn::Div(area, hn::Max(longer, tiny));
     const V most = hn::IfThenElse(hn::Gt(longer, one), hn::Set(d, 4.0f), one);
-    const V taps = hn::Min(hn::Max(hn::Round(hn::Div(longer, hn::Max(shorter, tiny))), one), most);
+    const V half = hn::Set(d, 0.5f);
+    const V ratio = hn::Div(hn::Mul(half, longer), hn::Max(shorter, tiny));
+    const V taps = hn::Min(hn::Max(hn::Ceil(hn::Sub(ratio, hn::Set(d, 0.01f))), one), most);
     store(taps, kTaps);
-    store(hn::Max(shorter, hn::Div(longer, taps)), kTexelsPerTap);
+    store(hn::Max(hn::Sqrt(hn::Div(area, taps)), hn::Div(hn::Mul(half, longer), taps)), kTexelsPerTap);
   }
 }
 

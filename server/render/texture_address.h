@@ -41,8 +41,8 @@ inline float RoughLog2(float x) {
   return static_cast<float>(std::bit_cast<std::int32_t>(x)) * (1.0f / (1 << 23)) - 127.0f;
 }
 
-// The finer of the two levels that a sample of so many level 0 texels lies between, and the share of the
-// coarser.
+// The levels that a sample of so many level 0 texels is taken from. Around whole levels one alone serves; the
+// blend to the next takes the middle half of the way.
 struct LevelPair {
   int fine;
   float share_of_coarse;  // 0: the fine one alone
@@ -52,7 +52,9 @@ inline LevelPair LevelsFor(float texels, int levels) {
   const float level = RoughLog2(texels);
   if (level >= static_cast<float>(levels - 1)) return {levels - 1, 0.0f};
   const int fine = static_cast<int>(level);
-  return {fine, level - static_cast<float>(fine)};
+  const float share = 2.0f * (level - static_cast<float>(fine)) - 0.5f;
+  if (share >= 1.0f) return {fine + 1, 0.0f};
+  return {fine, std::max(share, 0.0f)};
 }
 
 }  // namespace mixstage

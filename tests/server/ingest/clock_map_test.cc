@@ -32,7 +32,7 @@ TEST(ClockMap, ForgedTimesDoNotOverflow) {
   ClockMap clock;
   clock.Observe(std::numeric_limits<std::int64_t>::min(), std::numeric_limits<std::int64_t>::max());
   clock.Observe(std::numeric_limits<std::int64_t>::max(), 5);
-  clock.ToServer(std::numeric_limits<std::int64_t>::min());
+  EXPECT_LT(clock.ToServer(std::numeric_limits<std::int64_t>::min()), 0);
   EXPECT_EQ(ClockMap().ToServer(7), 7);
 }
 

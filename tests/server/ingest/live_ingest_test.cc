@@ -20,7 +20,7 @@ class LiveIngestTest : public testing::Test {
   void SendColor(std::int64_t sequence, std::int64_t t_us, std::int64_t epoch = 7) {
     YuvImage image;
     image.Create(16, 16, ChromaLayout::k420);
-    image.y.setTo(sequence);
+    image.y.setTo(static_cast<double>(sequence));
     image.cb.setTo(128);
     image.cr.setTo(128);
     EncodedFrame frame{.epoch = epoch, .t_us = t_us, .sequence = sequence, .width = 16, .height = 16, .bytes = {}};

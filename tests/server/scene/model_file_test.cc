@@ -144,6 +144,18 @@ TEST(TextureFile, SizeIsCheckedBeforeDecoding) {
   EXPECT_FALSE(DecodeTexture(jpeg, small_budget));
 }
 
+TEST(ModelFile, DemoObjectsLoadAndStandOnTheGround) {
+  for (const char* name : {"amphora.glb", "sculpture.glb"}) {
+    auto model = LoadModel(std::filesystem::path(MIXSTAGE_SOURCE_DIR) / "deploy/demo" / name);
+    ASSERT_TRUE(model) << model.error().message;
+    EXPECT_TRUE(model->warnings.empty());
+    EXPECT_EQ(model->mesh.textures.size(), 2u);
+    EXPECT_NEAR(model->mesh.Bounds().min().y(), 0.0f, 1e-6f);
+    EXPECT_GT(model->mesh.Bounds().max().y(), 1.0f);
+    EXPECT_LT(model->mesh.Bounds().max().y(), 1.5f);
+  }
+}
+
 // Every model of a folder of found files: loads, or is refused with one line.
 void TryFolder(const std::filesystem::path& folder, std::size_t& loaded, std::size_t& refused) {
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
