@@ -185,22 +185,55 @@ void Room::Build(int node, int first, int count) {
     box.extend(solids_[static_cast<std::size_t>(order_[static_cast<std::size_t>(i)])].Bounds());
   }
   nodes_[static_cast<std::size_t>(node)].box = box;
-  if (count <= 3) {
+  if (count <= 2) {
     nodes_[static_cast<std::size_t>(node)].first = first;
     nodes_[static_cast<std::size_t>(node)].count = count;
     return;
   }
-  int axis = 0;
-  box.sizes().maxCoeff(&axis);
-  auto center = [&](int solid) { return solids_[static_cast<std::size_t>(solid)].Bounds().center()[axis]; };
+  // The split of least expected cost: the halves' surfaces times how many solids are in them.
   const auto begin = order_.begin() + first;
-  std::nth_element(begin, begin + count / 2, begin + count,
-                   [&](int a, int b) { return center(a) < center(b); });
+  auto bounds = [&](int k) {
+    return solids_[static_cast<std::size_t>(order_[static_cast<std::size_t>(first + k)])].Bounds();
+  };
+  auto sort_along = [&](int axis) {
+    std::sort(begin, begin + count, [&](int x, int y) {
+      const double cx = solids_[static_cast<std::size_t>(x)].Bounds().center()[axis];
+      const double cy = solids_[static_cast<std::size_t>(y)].Bounds().center()[axis];
+      return cx != cy ? cx < cy : x < y;
+    });
+  };
+  auto surface = [](const Eigen::AlignedBox3d& b) {
+    const Vector3d size = b.sizes();
+    return size.x() * size.y() + size.y() * size.z() + size.z() * size.x();
+  };
+  double best_cost = std::numeric_limits<double>::infinity();
+  int best_axis = 0;
+  int best_left = count / 2;
+  std::vector<double> right_surface(static_cast<std::size_t>(count));
+  for (int axis = 0; axis < 3; ++axis) {
+    sort_along(axis);
+    Eigen::AlignedBox3d grown;
+    for (int k = count - 1; k > 0; --k) {
+      grown.extend(bounds(k));
+      right_surface[static_cast<std::size_t>(k)] = surface(grown);
+    }
+    grown.setEmpty();
+    for (int k = 1; k < count; ++k) {
+      grown.extend(bounds(k - 1));
+      const double cost = surface(grown) * k + right_surface[static_cast<std::size_t>(k)] * (count - k);
+      if (cost < best_cost) {
+        best_cost = cost;
+        best_axis = axis;
+        best_left = k;
+      }
+    }
+  }
+  sort_along(best_axis);
   const int children = static_cast<int>(nodes_.size());
   nodes_.resize(nodes_.size() + 2);
   nodes_[static_cast<std::size_t>(node)].first = children;
-  Build(children, first, count / 2);
-  Build(children + 1, first + count / 2, count - count / 2);
+  Build(children, first, best_left);
+  Build(children + 1, first + best_left, count - best_left);
 }
 
 // Calls visit(solid index) for the solids whose boxes the ray meets before limit_m (which visit may shorten);

@@ -80,6 +80,10 @@ class Studio:
         assert run.returncode == expect, f"mixstage-view ended with {run.returncode}: {run.stderr.strip()}"
         return json.loads(run.stdout.strip().splitlines()[-1]) if expect == 0 else run.stderr
 
+    def wait_until_live(self):
+        """The synthetic room takes a moment to be drawn, the empty set a second to be learnt."""
+        self.wait_for(lambda: self.healthy()["state"] == "live", 30, f"the show is not live but {self.healthy()}")
+
     @staticmethod
     def wait_for(condition, seconds, why):
         end = time.monotonic() + seconds
