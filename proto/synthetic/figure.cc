@@ -102,9 +102,17 @@ class Body {
       const Vector3d contact =
           foot.ankle_rest + pivot * forward + Vector3d(0, 0, foot.lift * (0.035 + 0.055 * s_.stride));
       Vector3d ankle = contact + sole * Vector3d(-pivot, 0, kAnkle);
+      const Vector3d across = yaw.col(1);
+      auto at = [&](double x, double y, double z) {
+        return Vector3d(ankle + sole * Vector3d(x, y, z - kAnkle));
+      };
+      auto sole_now = [&] {
+        return MakeRoundCone(at(-0.038, 0, 0.017), at(0.140, 0, 0.017), 0.046, 0.045, across, 1.0, 0.37);
+      };
+      // Toes of one piece do not bend: where they would sink in, the foot stands on their tip.
+      ankle.z() += std::max(0.0, -sole_now().Bounds().min().z());
       const Vector3d bend = (hips_.col(0) + 0.6 * forward + 0.12 * side * hips_.col(1)).normalized();
       const Vector3d knee = Joint(hip, ankle, kThigh, kShin, bend);
-      const Vector3d across = yaw.col(1);
       Add(MakeRoundCone(hip + Vector3d(0, 0, 0.01), knee, 0.094, 0.062, across, 0.96, 1.06), kTrousers,
           Shadowing::kCasts);
       Add(MakeRoundCone(knee, ankle + 0.03 * (knee - ankle).normalized(), 0.062, 0.052, across, 1.0, 1.05),
@@ -112,13 +120,10 @@ class Body {
       const Vector3d calf = knee + 0.30 * (ankle - knee) - 0.014 * forward;
       Add(MakeRoundCone(calf, knee + 0.62 * (ankle - knee) - 0.006 * forward, 0.060, 0.053), kTrousers);
       // Shoe and sole.
-      auto at = [&](double x, double y, double z) {
-        return Vector3d(ankle + sole * Vector3d(x, y, z - kAnkle));
-      };
       Add(MakeRoundCone(at(-0.035, 0, 0.055), at(0.130, 0, 0.040), 0.047, 0.037, across, 1.0, 1.0), kShoe,
           Shadowing::kCasts);
       Add(MakeRoundCone(at(-0.025, 0, 0.075), at(0.035, 0, 0.07), 0.044, 0.036), kShoe);
-      Add(MakeRoundCone(at(-0.038, 0, 0.017), at(0.140, 0, 0.017), 0.046, 0.045, across, 1.0, 0.37), kSole);
+      Add(sole_now(), kSole);
     }
   }
 
@@ -185,8 +190,8 @@ class Body {
       const Vector3d along = chest_ * lower.normalized();
       const Vector3d wrist = elbow + kForearm * along;
       Add(MakeRoundCone(shoulder, elbow, 0.063, 0.047), kShirt, Shadowing::kCasts);
-      Add(MakeRoundCone(elbow, elbow + 0.42 * (wrist - elbow), 0.0475, 0.045), kShirt);
-      Add(MakeRoundCone(elbow, wrist, 0.044, 0.029), kSkin, Shadowing::kCasts);
+      Add(MakeRoundCone(elbow, elbow + 0.42 * (wrist - elbow), 0.0475, 0.045), kShirt, Shadowing::kCasts);
+      Add(MakeRoundCone(elbow + 0.36 * (wrist - elbow), wrist, 0.041, 0.029), kSkin, Shadowing::kCasts);
       // Hand: palm towards the body, or to the camera while he waves.
       const Vector3d palm = (rest * chest_.col(1) * -side + (raised + 0.4 * offered) * chest_.col(0) +
                              0.9 * offered * Vector3d::UnitZ())

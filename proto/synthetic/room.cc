@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
+#include "proto/base/check.h"
 #include "proto/synthetic/room_plan.h"
 
 namespace mixstage {
@@ -254,6 +256,7 @@ void Room::Walk(const Ray& ray, const double& limit_m, Visit visit) const {
     if (place.entry >= limit_m) continue;
     const Node& node = nodes_[static_cast<std::size_t>(place.node)];
     if (node.count == 0) {
+      MIX_CHECK(size + 2 <= static_cast<int>(std::size(stack)));
       const auto child = static_cast<std::size_t>(node.first);
       const double a = Entry(nodes_[child].box, ray.origin, inverse, limit_m);
       const double b = Entry(nodes_[child + 1].box, ray.origin, inverse, limit_m);

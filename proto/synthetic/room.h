@@ -63,7 +63,7 @@ struct Solid {
 };
 
 // What a point of a surface is made of, for the eye.
-struct Material {
+struct RoomMaterial {
   Eigen::Vector3f albedo = Eigen::Vector3f::Zero();    // linear
   Eigen::Vector3f emission = Eigen::Vector3f::Zero();  // radiance x pi, in units of the picture's white
   float gloss = 0;                                     // strength of the mirror-like part, 0..1
@@ -87,9 +87,9 @@ class Room {
   [[nodiscard]] bool Blocked(const Ray& ray, double range_m, Occluders occluders) const;
 
   // With texture, as a picture shows it.
-  [[nodiscard]] Material MaterialAt(const Found& found, const Eigen::Vector3d& point) const;
+  [[nodiscard]] RoomMaterial MaterialAt(const Found& found, const Eigen::Vector3d& point) const;
   // Without: the mean colour, for light that has bounced.
-  [[nodiscard]] Material PlainMaterial(const Found& found) const;
+  [[nodiscard]] RoomMaterial PlainMaterial(const Found& found) const;
 
   [[nodiscard]] const std::vector<Solid>& solids() const { return solids_; }
 

@@ -29,7 +29,7 @@ Vector3f Wood(const Vector3f& base, double u, double w, float contrast) {
   return shade * base;
 }
 
-Material FloorBoards(const Vector3d& p) {
+RoomMaterial FloorBoards(const Vector3d& p) {
   constexpr double kBoard = 0.135;
   constexpr double kLength = 1.7;
   const int row = static_cast<int>(std::floor(p.y() / kBoard));
@@ -39,7 +39,7 @@ Material FloorBoards(const Vector3d& p) {
   const float warm = Unit(row + 517, board);
   const Vector3f base =
       (0.80f + 0.40f * tone) * Vector3f(0.36f, 0.215f + 0.012f * warm, 0.110f + 0.018f * warm);
-  Material m;
+  RoomMaterial m;
   m.albedo = Wood(base, along + 3.7 * row, p.y() + 0.31 * board, 0.75f);
   const double to_side = std::min(p.y() - row * kBoard, (row + 1) * kBoard - p.y());
   const double to_end = std::min(along - board * kLength, (board + 1) * kLength - along);
@@ -55,7 +55,7 @@ constexpr double kRugX0 = 2.98, kRugX1 = 4.46, kRugY0 = -0.72, kRugY1 = 1.62;
 bool OnRug(const Vector3d& p) { return p.x() > kRugX0 && p.x() < kRugX1 && p.y() > kRugY0 && p.y() < kRugY1; }
 
 // A woven rug: cream field with a grid of lozenges, two terracotta bands, a fringe at the short ends.
-Material RugAt(const Vector3d& p) {
+RoomMaterial RugAt(const Vector3d& p) {
   const Vector3f cream(0.60f, 0.54f, 0.45f);
   const Vector3f terracotta(0.42f, 0.165f, 0.095f);
   const Vector3f slate(0.125f, 0.15f, 0.165f);
@@ -78,7 +78,7 @@ Material RugAt(const Vector3d& p) {
   color += band(0.13, 0.145) * (slate - color);
   const float weave = 0.90f + 0.2f * ValueNoise(260 * p.x(), 130 * p.y());
   const float worn = 0.92f + 0.16f * Fbm(2.2 * p.x(), 2.2 * p.y());
-  Material m;
+  RoomMaterial m;
   m.albedo = weave * worn * color * (0.80f + 0.20f * SmoothStep(0, 0.012f, static_cast<float>(edge)));
   return m;
 }
@@ -114,8 +114,8 @@ Vector3f Outside(const Vector3d& p) {
   return trees + SmoothStep(ridge - 0.10f, ridge + 0.10f, height) * (sky - trees);
 }
 
-Material Doors(const Solid& solid, const Room::Found& found, const Vector3d& p) {
-  Material m;
+RoomMaterial Doors(const Solid& solid, const Room::Found& found, const Vector3d& p) {
+  RoomMaterial m;
   m.albedo = Wood(solid.color, p.y(), p.z(), 0.85f);
   m.gloss = 0.25f;
   if (found.normal.x() < -0.5) {
@@ -130,8 +130,8 @@ Material Doors(const Solid& solid, const Room::Found& found, const Vector3d& p) 
 
 }  // namespace
 
-Material Room::PlainMaterial(const Found& found) const {
-  Material m;
+RoomMaterial Room::PlainMaterial(const Found& found) const {
+  RoomMaterial m;
   switch (found.surface) {
     case Surface::kFloor:
     case Surface::kRug:
@@ -159,8 +159,8 @@ Material Room::PlainMaterial(const Found& found) const {
   return m;
 }
 
-Material Room::MaterialAt(const Found& found, const Vector3d& p) const {
-  Material m = PlainMaterial(found);
+RoomMaterial Room::MaterialAt(const Found& found, const Vector3d& p) const {
+  RoomMaterial m = PlainMaterial(found);
   switch (found.surface) {
     case Surface::kFloor:
       return OnRug(p) ? RugAt(p) : FloorBoards(p);

@@ -307,7 +307,7 @@ class PlateRenderer {
         found = room_.Trace(ray);
         p = ray.origin + found.range_m * ray.direction;
       }
-      const Material material = room_.MaterialAt(found, p);
+      const RoomMaterial material = room_.MaterialAt(found, p);
       rest += material.emission;
       if (found.surface == Surface::kPane) continue;
       const LightSample l = one_face ? LightBetween(us, vs, x, y) : LightAt(us, vs, p, found.normal);

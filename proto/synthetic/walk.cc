@@ -126,11 +126,11 @@ Walk::Walk() {
   add(kLeft, last_land_s + 0.02, last_land_s + 0.47, stand, kFaceCamera + 0.1);
   add(kRight, last_land_s + 0.50, last_land_s + 0.92, stand, kFaceCamera - 0.05);
   add(kLeft, kBack_s + 0.05, kBack_s + 0.45, stand, kFaceOut - 0.3);
-  add(kRight, kBack_s + 0.42, kBack_s + 0.78, stand, kFaceOut);
+  add(kRight, kBack_s + 0.47, kBack_s + 0.79, stand, kFaceOut);
   // Way out: the body leads by half a step.
   for (int n = 0; n <= 8; ++n) {
     const double s = (n + 1) * kStepOut;
-    const double lift_s = std::max(TimeOut(n + 0.06), kBack_s + 0.46);
+    const double lift_s = std::max(TimeOut(n + 0.06), kBack_s + 0.82);
     add(FootOf(n + 1), lift_s, std::max(lift_s + 0.3, TimeOut(n + 0.94)), stand + Vector2d(0, -s), kFaceOut);
   }
 }

@@ -150,7 +150,7 @@ int main(int argc, char** argv) {
   RunOptions run;
   CLI::App* run_command = app.add_subcommand("run", "the live show: listens to agents, serves viewers");
   run_command->add_option("--config", run.config, "studio.yaml; what follows overrides it");
-  run_command->add_option("--rig", run.rig, "rig.json: the cameras");
+  run_command->add_option("--rig", run.rig, "rig.json: the cameras; or a take, whose cameras they are");
   run_command->add_option("--scene", run.scene, "scene.yaml: virtual objects");
   run_command->add_option("--clean-plate", run.clean_plate, "capture folder of the empty set (default: learn it live)");
   run_command->add_option("--listen", run.listen, "ADDRESS:PORT, loopback only (default 127.0.0.1:8080)");

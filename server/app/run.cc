@@ -32,11 +32,21 @@ fs::path FindPage(const StudioConfig& config) {
   return {};
 }
 
+// A rig.json, or a take: then its rig, or what is assumed where it has none.
+Result<LoadedRig> OpenRig(const fs::path& place) {
+  if (!fs::is_directory(place)) return LoadRig(place);
+  auto take = OpenTake(place);
+  if (!take) return tl::unexpected(take.error());
+  auto rig = RigOfTake(*take, {});
+  if (rig && take->depth.empty()) rig->rig.depth.reset();
+  return rig;
+}
+
 Result<Studio> OpenStudio(const StudioConfig& config) {
   if (config.rig.empty()) {
     return Fail(ErrorCode::kInvalidConfig, "no rig: give --rig rig.json, or \"rig:\" in the configuration");
   }
-  auto rig = LoadRig(config.rig);
+  auto rig = OpenRig(config.rig);
   if (!rig) return tl::unexpected(rig.error());
   for (const std::string& warning : rig->warnings) spdlog::warn("rig {}: {}", config.rig.string(), warning);
   StudioSetup setup;

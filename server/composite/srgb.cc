@@ -5,11 +5,6 @@
 #include <cmath>
 
 namespace mixstage {
-namespace {
-
-constexpr float kSteps = 4096.f;
-
-}  // namespace
 
 const SrgbTables& SrgbTables::Get() {
   static const SrgbTables tables;
@@ -28,11 +23,6 @@ SrgbTables::SrgbTables() {
     const double v = linear <= 0.0031308 ? 12.92 * linear : 1.055 * std::pow(linear, 1 / 2.4) - 0.055;
     to_srgb_[i] = static_cast<std::uint8_t>(std::lround(255 * std::min(v, 1.0)));
   }
-}
-
-std::uint8_t SrgbTables::ToSrgb(float linear) const {
-  const float root = std::sqrt(std::clamp(linear, 0.f, 1.f));
-  return to_srgb_[static_cast<std::size_t>(root * kSteps + 0.5f)];
 }
 
 }  // namespace mixstage

@@ -1,20 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 
 namespace mixstage {
 
-// sRGB transfer by tables: 8 bit to linear light 0..1 exactly, back by 4096 steps of sqrt(linear), which puts the
-// steps where sRGB's own are (error below half a level). Values outside 0..1 are clamped.
+// sRGB transfer by tables: 8 bit to linear light 0..1 exactly, back by 4096 steps of sqrt(linear), which puts
+// the steps where sRGB's own are (error below half a level). Values outside 0..1 are clamped.
 class SrgbTables {
  public:
   static const SrgbTables& Get();
   [[nodiscard]] float ToLinear(std::uint8_t code) const { return to_linear_[code]; }
-  [[nodiscard]] std::uint8_t ToSrgb(float linear) const;
+  [[nodiscard]] std::uint8_t ToSrgb(float linear) const {
+    const float root = std::sqrt(std::clamp(linear, 0.f, 1.f));
+    return to_srgb_[static_cast<std::size_t>(static_cast<int>(root * kSteps + 0.5f))];
+  }
 
  private:
+  static constexpr float kSteps = 4096.f;
   SrgbTables();
   std::array<float, 256> to_linear_{};
   std::array<std::uint8_t, 4097> to_srgb_{};

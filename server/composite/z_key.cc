@@ -2,26 +2,47 @@
 #include "server/composite/z_key.h"
 
 #include <algorithm>
+#include <cstring>
 #include <opencv2/imgproc.hpp>
 
 #include "proto/base/check.h"
-#include "server/composite/srgb.h"
+#include "server/composite/mix.h"
 
 namespace mixstage {
 namespace {
 
 constexpr float kOpaque = 0.999f;
 constexpr float kMmPerM = 1000.f;
+enum Seen : std::uint8_t { kUnseen = 0, kMixed = 1, kWhole = 255 };
 
 std::uint16_t Millimetres(float depth_m) {
   return static_cast<std::uint16_t>(std::clamp(depth_m * kMmPerM + 0.5f, 0.f, 65535.f));
 }
 
-cv::Vec3b SrgbYcbcr(float r, float g, float b) {
-  const SrgbTables& srgb = SrgbTables::Get();
-  const Ycbcr8 c = RgbToYcbcr({srgb.ToSrgb(r), srgb.ToSrgb(g), srgb.ToSrgb(b)});
-  return {c.y, c.cb, c.cr};
+std::uint64_t Eight(const std::uint8_t* from) {
+  std::uint64_t bytes = 0;
+  std::memcpy(&bytes, from, sizeof(bytes));
+  return bytes;
 }
+
+// First column in [x, end) that is not 0; end if none.
+int SkipZeros(const std::uint8_t* row, int x, int end) {
+  while (x + 8 <= end && Eight(row + x) == 0) x += 8;
+  while (x < end && row[x] == 0) ++x;
+  return x;
+}
+
+// One past the last column in [begin, x) that is not 0; begin if none.
+int SkipZerosBack(const std::uint8_t* row, int begin, int x) {
+  while (x - 8 >= begin && Eight(row + x - 8) == 0) x -= 8;
+  while (x > begin && row[x - 1] == 0) --x;
+  return x;
+}
+
+void CopyBytes(const std::uint8_t* from, int count, std::uint8_t* to) {
+  std::memcpy(to, from, static_cast<std::size_t>(count));
+}
+void CopyRow(const cv::Mat1b& from, int y, cv::Mat1b& to) { CopyBytes(from[y], from.cols, to[y]); }
 
 }  // namespace
 
@@ -31,70 +52,46 @@ void ZKey::Run(const ZKeyInput& in, YuvImage& composite, cv::Mat1w& depth_mm, cv
   const int w = color.width();
   const int h = color.height();
   const bool actor = !in.alpha.empty();
-  MIX_CHECK(!actor || (in.alpha.width() == w && in.alpha.height() == h && in.actor_depth_m.width() == (w + 1) / 2 &&
-                       in.actor_depth_m.height() == (h + 1) / 2));
+  MIX_CHECK(!actor || (in.alpha.width() == w && in.alpha.height() == h &&
+                       in.actor_depth_m.width() == (w + 1) / 2 && in.actor_depth_m.height() == (h + 1) / 2));
   MIX_CHECK(in.room == nullptr || in.room->depth_m.size() == cv::Size(w, h));
+  const bool cg = in.cg != nullptr && !in.cg->bounds.empty();
+  MIX_CHECK(!cg || ((in.cg->bounds & cv::Rect(0, 0, w, h)) == in.cg->bounds && in.cg->bounds.x % 2 == 0 &&
+                    in.cg->bounds.y % 2 == 0));
 
   composite.Create(w, h, color.layout);
-  color.y.copyTo(composite.y);
-  color.cb.copyTo(composite.cb);
-  color.cr.copyTo(composite.cr);
-
-  // Depth of what is real: the room's, and the actor's where he covers more than half of a pixel.
   depth_mm.create(h, w);
-  if (in.room != nullptr) {
-    PrepareRoom(*in.room);
-    room_mm_.copyTo(depth_mm);
-  } else {
-    depth_mm.setTo(0);
-  }
-  if (actor) {
-    ContinueActor(in.actor_depth_m);
-    for (int y = 0; y < h; ++y) {
-      const std::uint8_t* alpha = in.alpha.row(y);
-      const float* z = actor_z_[y / 2];
-      std::uint16_t* out = depth_mm[y];
-      for (int x = 0; x < w; ++x) {
-        if (alpha[x] >= 128) out[x] = Millimetres(z[x / 2]);
-      }
-    }
-  }
-
   cg_alpha.create(h, w);
-  cg_alpha.setTo(0);
-  if (in.cg == nullptr || in.cg->bounds.empty()) return;
-  MIX_CHECK((in.cg->bounds & cv::Rect(0, 0, w, h)) == in.cg->bounds);
-  PrepareLayer(*in.cg);
-  if (in.room != nullptr) {
-    if (room_of_layer_ != in.room->revision) {
-      room_in_front_.create(in.cg->bounds.size());
-      const cv::Mat1f room = in.room->depth_m(in.cg->bounds);
-      const cv::Mat1f sigma = in.room->sigma_m(in.cg->bounds);
-      for (int y = 0; y < room.rows; ++y) {
-        for (int x = 0; x < room.cols; ++x) {
-          const bool hides = room(y, x) > 0 && room(y, x) + kRoomSigmas * sigma(y, x) < in.cg->depth_m(y, x);
-          room_in_front_(y, x) = hides ? 255 : 0;
-        }
-      }
-      room_of_layer_ = in.room->revision;
-    }
-  } else {
-    room_in_front_.release();
-    room_of_layer_ = 0;
+  if (in.room != nullptr) PrepareRoom(*in.room);
+  if (actor) PrepareActor(in);
+  if (cg) {
+    PrepareLayer(*in.cg);
+    FindStretches(*in.cg, in.room);
+    for (cv::Mat1b* plane : {&seen_, &mixed_cb_, &mixed_cr_}) plane->create(in.cg->bounds.size());
   }
-  mixed_.create(in.cg->bounds.size());
-  for (int y = 0; y < in.cg->bounds.height; ++y) DrawRow(in, y, composite, depth_mm, cg_alpha);
-  MixChroma(in, cg_alpha, composite);
-}
 
-// Coverage reaches a pixel or two beyond the half-size mask that the depth was made for: there the depth of the
-// neighbour holds.
-void ZKey::ContinueActor(ImageView<const float> actor_depth_m) {
-  const cv::Mat1f z(actor_depth_m.height(), actor_depth_m.width(), const_cast<float*>(actor_depth_m.data()),
-                    static_cast<std::size_t>(actor_depth_m.stride()) * sizeof(float));
-  cv::dilate(z, actor_around_, cv::Mat());
-  actor_around_.copyTo(actor_z_);
-  z.copyTo(actor_z_, z > 0);
+  // A row of everything at a time, while it is in the cache; chroma follows its last luma row.
+  const auto row_bytes = static_cast<std::size_t>(w) * sizeof(std::uint16_t);
+  const int block_rows = 1 << ChromaShiftY(color.layout);
+  for (int y = 0; y < h; ++y) {
+    CopyRow(color.y, y, composite.y);
+    // Depth of what is real: the room's, and the actor's where he covers more than half of a pixel.
+    if (in.room != nullptr) {
+      std::memcpy(depth_mm[y], room_mm_[y], row_bytes);
+    } else {
+      std::memset(depth_mm[y], 0, row_bytes);
+    }
+    if (actor) DrawActorDepth(in.alpha.row(y), y, depth_mm[y]);
+    std::memset(cg_alpha[y], 0, static_cast<std::size_t>(w));
+    const int row = cg ? y - in.cg->bounds.y : -1;
+    const bool has_cg = row >= 0 && row < in.cg->bounds.height;
+    if (has_cg) DrawRow(in, row, composite, depth_mm, cg_alpha);
+    if ((y + 1) % block_rows != 0 && y + 1 != h) continue;
+    const int chroma_y = y / block_rows;
+    CopyRow(color.cb, chroma_y, composite.cb);
+    CopyRow(color.cr, chroma_y, composite.cr);
+    if (has_cg) MixChromaRow(in, chroma_y, composite);
+  }
 }
 
 void ZKey::PrepareRoom(const RoomDepth& room) {
@@ -104,81 +101,223 @@ void ZKey::PrepareRoom(const RoomDepth& room) {
 }
 
 void ZKey::PrepareLayer(const CgLayer& cg) {
-  if (layer_drawing_ == cg.drawing && layer_ycbcr_.size() == cg.color.size()) return;
+  if (layer_drawing_ == cg.drawing && layer_y_.size() == cg.color.size()) return;
   layer_drawing_ = cg.drawing;
-  room_of_layer_ = 0;
-  layer_ycbcr_.create(cg.color.size());
+  stretches_known_ = false;
+  for (cv::Mat1b* plane : {&layer_y_, &layer_cb_, &layer_cr_}) plane->create(cg.color.size());
+  layer_mm_.create(cg.color.size());
+  const SrgbTables& srgb = SrgbTables::Get();
   for (int y = 0; y < cg.color.rows; ++y) {
     for (int x = 0; x < cg.color.cols; ++x) {
       const cv::Vec4f& c = cg.color(y, x);
-      const float k = c[3] > 0 ? 1 / c[3] : 0;
-      layer_ycbcr_(y, x) = SrgbYcbcr(k * c[0], k * c[1], k * c[2]);
+      if (c[3] < kOpaque) continue;  // mixed with the picture of each frame
+      const float k = 1 / c[3];
+      const Ycbcr8 ycbcr = LinearToYcbcr(srgb, k * c[0], k * c[1], k * c[2]);
+      layer_y_(y, x) = ycbcr.y;
+      layer_cb_(y, x) = ycbcr.cb;
+      layer_cr_(y, x) = ycbcr.cr;
+      layer_mm_(y, x) = Millimetres(cg.depth_m(y, x));
     }
   }
 }
 
-void ZKey::DrawRow(const ZKeyInput& in, int row, YuvImage& composite, cv::Mat1w& depth_mm, cv::Mat1b& cg_alpha) {
+void ZKey::FindStretches(const CgLayer& cg, const RoomDepth* room) {
+  const std::uint64_t revision = room != nullptr ? room->revision : 0;
+  if (stretches_known_ && room_of_stretches_ == revision) return;
+  stretches_known_ = true;
+  room_of_stretches_ = revision;
+  stretches_.clear();
+  row_begin_.clear();
+  for (int y = 0; y < cg.color.rows; ++y) {
+    row_begin_.push_back(stretches_.size());
+    bool open = false;
+    for (int x = 0; x < cg.color.cols; ++x) {
+      const float coverage = cg.color(y, x)[3];
+      bool seen = coverage > 0;
+      if (seen && room != nullptr) {
+        const float z = room->depth_m(cg.bounds.y + y, cg.bounds.x + x);
+        const float sigma = room->sigma_m(cg.bounds.y + y, cg.bounds.x + x);
+        seen = !(z > 0 && z + kRoomSigmas * sigma < cg.depth_m(y, x));
+      }
+      const bool opaque = coverage >= kOpaque;
+      if (seen && (!open || stretches_.back().opaque != opaque)) stretches_.push_back({x, x, opaque});
+      open = seen;
+      if (seen) stretches_.back().end = x + 1;
+    }
+  }
+  row_begin_.push_back(stretches_.size());
+}
+
+// Coverage reaches a pixel or two beyond the half-size mask that the depth was made for: there the depth of
+// the neighbour holds.
+void ZKey::PrepareActor(const ZKeyInput& in) {
+  const int w = in.alpha.width();
+  const int h = in.alpha.height();
+  actor_spans_.resize(static_cast<std::size_t>(h));
+  int left = w, right = 0, top = h, bottom = 0;
+  for (int y = 0; y < h; ++y) {
+    Span& span = actor_spans_[static_cast<std::size_t>(y)];
+    const int begin = SkipZeros(in.alpha.row(y), 0, w);
+    span = begin < w ? Span{begin, SkipZerosBack(in.alpha.row(y), begin, w)} : Span{};
+    if (begin == w) continue;
+    left = std::min(left, span.begin);
+    right = std::max(right, span.end);
+    top = std::min(top, y);
+    bottom = y + 1;
+  }
+  actor_z_.create(in.actor_depth_m.height(), in.actor_depth_m.width());
+  actor_mm_.create(actor_z_.size());
+  if (right == 0) return;
+  const cv::Rect box(left / 2, top / 2, (right + 1) / 2 - left / 2, (bottom + 1) / 2 - top / 2);
+  const cv::Mat1f z(actor_z_.rows, actor_z_.cols, const_cast<float*>(in.actor_depth_m.data()),
+                    static_cast<std::size_t>(in.actor_depth_m.stride()) * sizeof(float));
+  cv::Mat1f around = actor_z_(box);
+  cv::dilate(z(box), around, cv::Mat());  // reads beyond the box where the picture goes on
+  for (int y = box.y; y < box.br().y; ++y) {
+    const float* own = z[y];
+    float* to = actor_z_[y];
+    std::uint16_t* mm = actor_mm_[y];
+    for (int x = box.x; x < box.br().x; ++x) {
+      to[x] = own[x] > 0 ? own[x] : to[x];
+      mm[x] = Millimetres(to[x]);
+    }
+  }
+}
+
+void ZKey::DrawActorDepth(const std::uint8_t* alpha, int y, std::uint16_t* depth_mm) const {
+  const Span span = actor_spans_[static_cast<std::size_t>(y)];
+  const std::uint16_t* mm = actor_mm_[y / 2];
+  const auto one = [&](int x) {
+    if (alpha[x] >= 128) depth_mm[x] = mm[x / 2];
+  };
+  constexpr std::uint64_t kTopBits = 0x8080808080808080;
+  int x = span.begin;
+  if (x % 2 != 0) one(x++);
+  for (; x + 8 <= span.end; x += 8) {
+    const std::uint64_t covered = Eight(alpha + x) & kTopBits;
+    if (covered == 0) continue;
+    if (covered == kTopBits) {
+      for (int i = 0; i < 8; i += 2) depth_mm[x + i] = depth_mm[x + i + 1] = mm[(x + i) / 2];
+    } else {
+      for (int i = 0; i < 8; ++i) one(x + i);
+    }
+  }
+  for (; x < span.end; ++x) one(x);
+}
+
+void ZKey::DrawRow(const ZKeyInput& in, int row, YuvImage& composite, cv::Mat1w& depth_mm,
+                   cv::Mat1b& cg_alpha) {
   const cv::Rect& bounds = in.cg->bounds;
   const int y = bounds.y + row;
-  const int chroma_y = y >> ChromaShiftY(in.color->layout);
   const int shift_x = ChromaShiftX(in.color->layout);
   const SrgbTables& srgb = SrgbTables::Get();
-  for (int i = 0; i < bounds.width; ++i) {
-    const cv::Vec4f& cg = in.cg->color(row, i);
-    if (cg[3] <= 0 || (!room_in_front_.empty() && room_in_front_(row, i) != 0)) continue;
+  const Span actor = in.alpha.empty() ? Span{} : actor_spans_[static_cast<std::size_t>(y)];
+  const std::uint8_t* alpha = in.alpha.empty() ? nullptr : in.alpha.row(y);
+  const float* actor_z = in.alpha.empty() ? nullptr : actor_z_[y / 2];
+  const std::uint8_t* real_y = in.color->y[y];
+  const std::uint8_t* real_cb = in.color->cb[y >> ChromaShiftY(in.color->layout)];
+  const std::uint8_t* real_cr = in.color->cr[y >> ChromaShiftY(in.color->layout)];
+  const cv::Vec4f* layer = in.cg->color[row];
+  const float* layer_z = in.cg->depth_m[row];
+  // Pictures' rows from the layer's first column on.
+  std::uint8_t* out_y = composite.y[y] + bounds.x;
+  std::uint8_t* out_alpha = cg_alpha[y] + bounds.x;
+  std::uint16_t* out_mm = depth_mm[y] + bounds.x;
+  std::uint8_t* seen = seen_[row];
+  std::memset(seen, kUnseen, static_cast<std::size_t>(bounds.width));
+
+  const auto copy = [&](int begin, int end) {
+    const auto count = static_cast<std::size_t>(end - begin);
+    std::memcpy(out_y + begin, layer_y_[row] + begin, count);
+    std::memcpy(out_mm + begin, layer_mm_[row] + begin, count * sizeof(std::uint16_t));
+    std::memset(out_alpha + begin, 255, count);
+    std::memset(seen + begin, kWhole, count);
+  };
+  const auto mix = [&](int i, float coverage) {
+    const auto visible = static_cast<std::uint8_t>(coverage * 255.f + 0.5f);
+    if (visible == 0) return;
+    const cv::Vec4f& cg = layer[i];
     const int x = bounds.x + i;
-    const float z = in.cg->depth_m(row, i);
-    float seen = cg[3];
-    if (!in.alpha.empty() && in.alpha.at(x, y) > 0) {
-      // 0, not known, is in front too.
-      if (actor_z_(y / 2, x / 2) < z) seen *= 1 - static_cast<float>(in.alpha.at(x, y)) * (1 / 255.f);
-    }
-    const auto visible = static_cast<std::uint8_t>(seen * 255.f + 0.5f);
-    if (visible == 0) continue;
-    cg_alpha(y, x) = visible;
+    const Rgb8 real = FixedYcbcrToRgb(real_y[x], real_cb[x >> shift_x], real_cr[x >> shift_x]);
+    const float k = coverage / cg[3];
+    const float rest = 1 - coverage;
+    const Ycbcr8 mixed =
+        LinearToYcbcr(srgb, srgb.ToLinear(real.r) * rest + k * cg[0],
+                      srgb.ToLinear(real.g) * rest + k * cg[1], srgb.ToLinear(real.b) * rest + k * cg[2]);
+    out_y[i] = mixed.y;
+    mixed_cb_[row][i] = mixed.cb;
+    mixed_cr_[row][i] = mixed.cr;
+    out_alpha[i] = visible;
+    seen[i] = kMixed;
     // The nearest surface that is seen at least by half of the pixel.
-    if (visible >= 128) depth_mm(y, x) = Millimetres(z);
-    cv::Vec3b& mixed = mixed_(row, i);
-    if (seen >= kOpaque) {
-      mixed = layer_ycbcr_(row, i);
-    } else {
-      const Rgb8 real = YcbcrToRgb(in.color->y(y, x), in.color->cb(chroma_y, x >> shift_x),
-                                   in.color->cr(chroma_y, x >> shift_x));
-      const float k = seen / cg[3];
-      mixed = SrgbYcbcr(srgb.ToLinear(real.r) * (1 - seen) + k * cg[0], srgb.ToLinear(real.g) * (1 - seen) + k * cg[1],
-                        srgb.ToLinear(real.b) * (1 - seen) + k * cg[2]);
+    if (visible >= 128) out_mm[i] = Millimetres(layer_z[i]);
+  };
+
+  for (std::size_t s = row_begin_[static_cast<std::size_t>(row)];
+       s < row_begin_[static_cast<std::size_t>(row) + 1]; ++s) {
+    const Stretch& stretch = stretches_[s];
+    for (int i = stretch.begin; i < stretch.end;) {
+      // Where the actor is not.
+      int end = stretch.end;
+      const int x = bounds.x + i;
+      if (x < actor.end)
+        end = std::min(end, SkipZeros(alpha, std::max(x, actor.begin), actor.end) - bounds.x);
+      if (stretch.opaque) {
+        if (end > i) copy(i, end);
+      } else {
+        for (int j = i; j < end; ++j) mix(j, layer[j][3]);
+      }
+      // Where he is. 0, not known, is in front too.
+      for (i = end; i < stretch.end && bounds.x + i < actor.end && alpha[bounds.x + i] != 0; ++i) {
+        const std::uint8_t covered = alpha[bounds.x + i];
+        const bool in_front = actor_z[(bounds.x + i) / 2] < layer_z[i];
+        if (in_front && covered == 255) continue;
+        const float coverage =
+            in_front ? layer[i][3] * (1 - static_cast<float>(covered) * (1 / 255.f)) : layer[i][3];
+        if (coverage >= kOpaque) {
+          copy(i, i + 1);
+        } else {
+          mix(i, coverage);
+        }
+      }
     }
-    composite.y(y, x) = mixed[0];
   }
 }
 
 // A chroma sample is the mean over its luma pixels: CG's own where CG is seen, the camera's sample elsewhere.
-void ZKey::MixChroma(const ZKeyInput& in, const cv::Mat1b& cg_alpha, YuvImage& composite) const {
+void ZKey::MixChromaRow(const ZKeyInput& in, int chroma_y, YuvImage& composite) const {
   const cv::Rect& bounds = in.cg->bounds;
-  const int bw = 1 << ChromaShiftX(composite.layout);
-  const int bh = 1 << ChromaShiftY(composite.layout);
-  const int w = composite.width();
-  const int h = composite.height();
-  for (int cy = bounds.y / bh; cy * bh < bounds.y + bounds.height; ++cy) {
-    for (int cx = bounds.x / bw; cx * bw < bounds.x + bounds.width; ++cx) {
-      int cb = 0;
-      int cr = 0;
-      int pixels = 0;
-      int mixed = 0;
-      for (int y = cy * bh; y < std::min((cy + 1) * bh, h); ++y) {
-        for (int x = cx * bw; x < std::min((cx + 1) * bw, w); ++x) {
-          ++pixels;
-          // mixed_ holds a value of this frame only where CG is seen.
-          const bool is_mixed = cg_alpha(y, x) != 0;
-          cb += is_mixed ? mixed_(y - bounds.y, x - bounds.x)[1] : in.color->cb(cy, cx);
-          cr += is_mixed ? mixed_(y - bounds.y, x - bounds.x)[2] : in.color->cr(cy, cx);
-          mixed += is_mixed;
-        }
+  const int shift_x = ChromaShiftX(composite.layout);
+  const int bw = 1 << shift_x;
+  const int top = (chroma_y << ChromaShiftY(composite.layout)) - bounds.y;
+  const int bottom = std::min(top + (1 << ChromaShiftY(composite.layout)), bounds.height);
+  for (int i = 0; i < bounds.width; i += bw) {
+    if (i % 8 == 0 && i + 8 <= bounds.width) {
+      std::uint64_t any = 0;
+      for (int y = top; y < bottom; ++y) any |= Eight(seen_[y] + i);
+      if (any == 0) {
+        i += 8 - bw;
+        continue;
       }
-      if (mixed == 0) continue;
-      composite.cb(cy, cx) = static_cast<std::uint8_t>((cb + pixels / 2) / pixels);
-      composite.cr(cy, cx) = static_cast<std::uint8_t>((cr + pixels / 2) / pixels);
     }
+    const int cx = (bounds.x + i) >> shift_x;
+    int cb = 0, cr = 0, pixels = 0, mixed = 0;
+    for (int y = top; y < bottom; ++y) {
+      for (int x = i; x < std::min(i + bw, bounds.width); ++x) {
+        ++pixels;
+        const std::uint8_t seen = seen_[y][x];
+        mixed += seen;
+        cb += seen == kWhole   ? layer_cb_[y][x]
+              : seen == kMixed ? mixed_cb_[y][x]
+                               : in.color->cb[chroma_y][cx];
+        cr += seen == kWhole   ? layer_cr_[y][x]
+              : seen == kMixed ? mixed_cr_[y][x]
+                               : in.color->cr[chroma_y][cx];
+      }
+    }
+    if (mixed == 0) continue;
+    composite.cb[chroma_y][cx] = static_cast<std::uint8_t>((cb + pixels / 2) / pixels);
+    composite.cr[chroma_y][cx] = static_cast<std::uint8_t>((cr + pixels / 2) / pixels);
   }
 }
 

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <opencv2/core.hpp>
+#include <vector>
 
 #include "proto/base/image_view.h"
 #include "proto/codec/yuv_image.h"
@@ -10,27 +12,30 @@
 
 namespace mixstage {
 
-// The room without the actor, in the colour camera's view: what a background model knows of depth, at full size.
+// The room without the actor, in the colour camera's view: what a background model knows of depth, at full
+// size.
 struct RoomDepth {
   std::uint64_t revision = 0;  // differs between any two rooms that one ZKey sees; not 0
-  cv::Mat1f depth_m;  // [h x w] z, 0 = not known
-  cv::Mat1f sigma_m;  // [h x w] its noise, > 0 where depth_m > 0
+  cv::Mat1f depth_m;           // [h x w] z, 0 = not known
+  cv::Mat1f sigma_m;           // [h x w] its noise, > 0 where depth_m > 0
 };
 
 struct ZKeyInput {
-  const YuvImage* color = nullptr;          // the camera's picture, any chroma layout
-  ImageView<const std::uint8_t> alpha;      // [h x w] coverage of the actor, linear; empty = no actor is known
-  ImageView<const float> actor_depth_m;     // [(h+1)/2 x (w+1)/2] z of the actor, 0 = not known; empty like alpha
-  const RoomDepth* room = nullptr;          // null = the room's depth is not known: CG stands before all of it
-  const CgLayer* cg = nullptr;              // null = no CG
+  const YuvImage* color = nullptr;      // the camera's picture, any chroma layout
+  ImageView<const std::uint8_t> alpha;  // [h x w] coverage of the actor, linear; empty = no actor is known
+  ImageView<const float>
+      actor_depth_m;                // [(h+1)/2 x (w+1)/2] z of the actor, 0 = not known; empty like alpha
+  const RoomDepth* room = nullptr;  // null = the room's depth is not known: CG stands before all of it
+  const CgLayer* cg = nullptr;      // null = no CG
 };
 
-// Mutual occlusion per pixel (MixIn3D 3.1, piVE 5): the nearest of room, actor and CG is seen. Everything that is not
-// virtual is the camera's own picture, untouched. CG is mixed in linear light by its visible coverage:
+// Mutual occlusion per pixel (MixIn3D 3.1, piVE 5): the nearest of room, actor and CG is seen. Everything
+// that is not virtual is the camera's own picture, untouched. CG is mixed in linear light by its visible
+// coverage:
 //   seen = coverage x (1 - alpha where the actor is nearer) x (0 where the room is nearer, 1 elsewhere)
 // An actor whose depth is not known stands in front, as in any key without depth.
-// The papers compare depths as they are; the sensor's noise would let the floor flicker through an object's foot, so
-// the room hides CG only where it is nearer by kRoomSigmas of its own noise.
+// The papers compare depths as they are; the sensor's noise would let the floor flicker through an object's
+// foot, so the room hides CG only where it is nearer by kRoomSigmas of its own noise.
 class ZKey {
  public:
   static constexpr float kRoomSigmas = 3.f;
@@ -38,26 +43,48 @@ class ZKey {
   // composite  same size and layout as the picture: its planes are copied, then CG is drawn over them
   // depth_mm   [h x w] z of what is seen, mm, 0 = unknown
   // cg_alpha   [h x w] visible coverage of CG
-  // Sizes that differ are a caller's bug (checked). One thread at a time; allocates on a new size or layer only.
+  // Sizes that differ are a caller's bug (checked). One thread at a time; allocates on a new size or layer
+  // only.
   void Run(const ZKeyInput& in, YuvImage& composite, cv::Mat1w& depth_mm, cv::Mat1b& cg_alpha);
 
  private:
-  void PrepareLayer(const CgLayer& cg);
+  // A stretch of a layer's row that CG covers wholly, or all of it in part.
+  struct Stretch {
+    int begin = 0, end = 0;  // columns of the layer
+    bool opaque = false;
+  };
+  struct Span {
+    int begin = 0, end = 0;  // columns of the picture; empty: 0, 0
+  };
+
   void PrepareRoom(const RoomDepth& room);
-  void ContinueActor(ImageView<const float> actor_depth_m);
-  void DrawRow(const ZKeyInput& in, int y, YuvImage& composite, cv::Mat1w& depth_mm, cv::Mat1b& cg_alpha);
-  void MixChroma(const ZKeyInput& in, const cv::Mat1b& cg_alpha, YuvImage& composite) const;
+  void PrepareLayer(const CgLayer& cg);
+  void FindStretches(const CgLayer& cg, const RoomDepth* room);
+  void PrepareActor(const ZKeyInput& in);
+  void DrawActorDepth(const std::uint8_t* alpha, int y, std::uint16_t* depth_mm) const;
+  void DrawRow(const ZKeyInput& in, int row, YuvImage& composite, cv::Mat1w& depth_mm, cv::Mat1b& cg_alpha);
+  void MixChromaRow(const ZKeyInput& in, int chroma_y, YuvImage& composite) const;
 
   // Of the layer that was drawn last: opaque CG needs no blending, its Y'CbCr is made once.
   std::uint64_t layer_drawing_ = 0;
-  cv::Mat3b layer_ycbcr_;    // [bounds] un-premultiplied
-  cv::Mat1b room_in_front_;  // [bounds] 255 where the room hides CG
-  std::uint64_t room_of_layer_ = 0;  // revision of the room that room_in_front_ was made for; 0 = none
+  cv::Mat1b layer_y_, layer_cb_, layer_cr_;    // [bounds] un-premultiplied
+  cv::Mat1b layer_block_cb_, layer_block_cr_;  // [bounds in chroma samples] their means
+  cv::Mat1w layer_mm_;                         // [bounds]
+  // What of it the room leaves to be seen, row by row.
+  std::uint64_t room_of_stretches_ = 0;  // revision of the room they were made for; 0 = without
+  bool stretches_known_ = false;
+  std::vector<Stretch> stretches_;
+  std::vector<std::size_t> row_begin_;  // [bounds.height + 1] index into stretches_
   // Of the room.
   std::uint64_t room_revision_ = 0;
   cv::Mat1w room_mm_;
-  cv::Mat1f actor_z_, actor_around_;  // half size: the actor's depth, continued over the matte's soft edge
-  cv::Mat3b mixed_;  // [bounds] Y'CbCr of this frame where cg_alpha > 0
+  // Of the frame's actor. Half size, known inside the box of his coverage only: his depth, continued over the
+  // matte's soft edge.
+  std::vector<Span> actor_spans_;  // [h] of coverage > 0
+  cv::Mat1f actor_z_;
+  cv::Mat1w actor_mm_;
+  // Of the frame: how CG is seen (values of Seen) and, where it is mixed, its chroma.
+  cv::Mat1b seen_, mixed_cb_, mixed_cr_;  // [bounds]
 };
 
 }  // namespace mixstage

@@ -47,7 +47,7 @@ WatchCallbacks MeasureInto(Watched& watched) {
   };
   WatchCallbacks callbacks;
   callbacks.on_color = [picture](const ColorPicture& p, const PictureArrival& a) { picture(p.header, a); };
-  callbacks.on_depth = [picture](const DepthPicture& p, const PictureArrival& a) { picture(p.header, a); };
+  callbacks.on_depth = [picture](const WatchedDepth& p, const PictureArrival& a) { picture(p.header, a); };
   callbacks.on_stats = [&watched](const WatchStats& stats) {
     const std::lock_guard lock(watched.mutex);
     watched.measure.OnStats(stats);

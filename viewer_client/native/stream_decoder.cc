@@ -48,7 +48,7 @@ DecodeOutcome StreamDecoder::DecodeColor(const WatchPictureView& picture, ColorP
   return outcome;
 }
 
-DecodeOutcome StreamDecoder::DecodeDepth(const WatchPictureView& picture, DepthPicture* out) {
+DecodeOutcome StreamDecoder::DecodeDepth(const WatchPictureView& picture, WatchedDepth* out) {
   DecodedPlanes planes;
   const DecodeOutcome outcome = Decode(picture, &depth_, &planes);
   if (outcome != DecodeOutcome::kPicture) return outcome;

@@ -21,7 +21,7 @@ struct ColorPicture {
 };
 
 // A picture of the depth stream, same validity.
-struct DepthPicture {
+struct WatchedDepth {
   WatchHeader header;
   cv::Mat1f depth_m;      // [h x w] metres, 0 = nothing known
   cv::Mat1b alpha;        // [(h+1)/2 x (w+1)/2] coverage of the actor, 0..255
@@ -40,7 +40,7 @@ class StreamDecoder {
   static Result<StreamDecoder> Create();
 
   DecodeOutcome DecodeColor(const WatchPictureView& picture, ColorPicture* out);
-  DecodeOutcome DecodeDepth(const WatchPictureView& picture, DepthPicture* out);
+  DecodeOutcome DecodeDepth(const WatchPictureView& picture, WatchedDepth* out);
   // A new connection: both streams start again.
   void Reset();
 

@@ -188,7 +188,7 @@ class WatchSession {
   std::deque<std::string> sending_;  // the front is on its way
   ServerClock clock_;
   ColorPicture color_;
-  DepthPicture depth_;
+  WatchedDepth depth_;
   int pings_ = 0;
   std::int64_t last_wish_us_ = 0;
   bool connected_ = false;

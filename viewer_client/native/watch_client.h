@@ -5,7 +5,7 @@
 //
 //   Result<std::unique_ptr<WatchClient>> client = WatchClient::Create(
 //       {.url = "http://localhost:8090/"},
-//       {.on_depth = [](const DepthPicture& picture, const PictureArrival&) { Use(picture.depth_m); }});
+//       {.on_depth = [](const WatchedDepth& picture, const PictureArrival&) { Use(picture.depth_m); }});
 //   if (client) (*client)->Run(stop_token);   // blocks until stop is requested
 #pragma once
 
@@ -41,7 +41,7 @@ struct PictureArrival {
 // All are called on the thread that is in Run(); any may be empty.
 struct WatchCallbacks {
   std::function<void(const ColorPicture&, const PictureArrival&)> on_color{};
-  std::function<void(const DepthPicture&, const PictureArrival&)> on_depth{};
+  std::function<void(const WatchedDepth&, const PictureArrival&)> on_depth{};
   std::function<void(const WatchHello&)> on_hello{};
   std::function<void(const WatchStats&)> on_stats{};
   // A picture message that was refused (WatchRefusal) or could not be decoded; a key frame is asked for.

@@ -89,7 +89,7 @@ struct Seen {
       }
       ++color;
     };
-    callbacks.on_depth = [this](const DepthPicture& picture, const PictureArrival&) {
+    callbacks.on_depth = [this](const WatchedDepth& picture, const PictureArrival&) {
       depth_m = picture.depth_m(kHeight / 2, kWidth / 2);
       alpha = picture.alpha(kHeight / 4, kWidth / 4);
       ++depth;

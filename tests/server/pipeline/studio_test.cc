@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The whole chain of frame stages on the synthetic set, whose truth is exact.
+#include "server/pipeline/studio.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+#include <set>
+
+#include "proto/synthetic/rig.h"
+#include "proto/synthetic/scene.h"
+#include "server/pipeline/frame_stages.h"
+#include "server/scene/scene_file.h"
+
+namespace mixstage {
+namespace {
+
+class StudioTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    auto scene = SyntheticScene::Create(SyntheticRig(), {});
+    ASSERT_TRUE(scene) << scene.error().message;
+    synthetic_ = new SyntheticScene(std::move(*scene));
+  }
+  static void TearDownTestSuite() { delete synthetic_; }
+
+  // Colour at t_s, depth of the newest ToF exposure before it.
+  static std::shared_ptr<const CapturedFrame> Capture(double t_s) {
+    auto frame = std::make_shared<CapturedFrame>();
+    frame->capture_us = std::llround(t_s * 1e6);
+    frame->frame = std::llround(t_s * 30);
+    synthetic_->RenderColor(t_s, frame->color);
+    const double depth_s = std::floor(t_s / 0.08) * 0.08;
+    auto depth = std::make_shared<DepthPicture>();
+    depth->capture_us = std::llround(depth_s * 1e6);
+    depth->sequence = std::llround(depth_s / 0.08);
+    synthetic_->RenderTof(depth_s, depth->counts, depth->amplitude);
+    frame->depth = depth;
+    return frame;
+  }
+  static Studio MakeStudio(bool with_objects) {
+    StudioSetup setup;
+    setup.rig = SyntheticRig();
+    if (with_objects) {
+      auto scene = LoadScene(std::string(MIXSTAGE_SOURCE_DIR) + "/deploy/demo/scene.yaml");
+      EXPECT_TRUE(scene) << scene.error().message;
+      setup.scene = std::move(scene->scene);
+    }
+    auto studio = Studio::Create(std::move(setup));
+    EXPECT_TRUE(studio);
+    return std::move(*studio);
+  }
+  // Shows the empty set (the figure enters at 3 s) until the room is known.
+  static void Learn(Studio& studio) {
+    Frame frame;
+    for (int i = 0; i < 40 && studio.room_state() != RoomState::kKnown; ++i) {
+      frame.captured = Capture(0.3 + i / 30.0);
+      studio.Run(frame, times_);
+    }
+    ASSERT_EQ(studio.room_state(), RoomState::kKnown);
+  }
+
+  static SyntheticScene* synthetic_;
+  static StageTimes times_;
+};
+SyntheticScene* StudioTest::synthetic_ = nullptr;
+StageTimes StudioTest::times_{0};
+
+TEST_F(StudioTest, LearnsTheEmptySetThenCutsTheFigureOut) {
+  Studio studio = MakeStudio(/*with_objects=*/false);
+  Learn(studio);
+  Frame frame;
+  double hit = 0, called = 0, actor = 0;
+  for (const double t_s : {6.0, 8.5, 11.0, 14.0}) {
+    frame.captured = Capture(t_s);
+    studio.Run(frame, times_);
+    const cv::Mat truth = synthetic_->TruthMatte(t_s) >= 128;
+    const cv::Mat mine = frame.alpha >= 128;
+    hit += cv::countNonZero(truth & mine);
+    called += cv::countNonZero(mine);
+    actor += cv::countNonZero(truth);
+  }
+  EXPECT_GT(2 * hit / (called + actor), 0.95);  // F; the figure's pale shirt before a pale wall is no easy set
+}
+
+TEST_F(StudioTest, TheEmptySetHasNoActor) {
+  Studio studio = MakeStudio(/*with_objects=*/false);
+  Learn(studio);
+  Frame frame;
+  frame.captured = Capture(2.5);
+  studio.Run(frame, times_);
+  EXPECT_LT(cv::countNonZero(frame.alpha >= 128), 20);
+}
+
+TEST_F(StudioTest, WhileTheSetIsLearntNobodyIsAnActor) {
+  Studio studio = MakeStudio(/*with_objects=*/false);
+  Frame frame;
+  frame.captured = Capture(0.3);
+  studio.Run(frame, times_);
+  EXPECT_FALSE(frame.keyed);
+  EXPECT_EQ(cv::countNonZero(frame.alpha), 0);
+  EXPECT_EQ(cv::countNonZero(frame.composite.y != frame.captured->color.y), 0);
+}
+
+TEST_F(StudioTest, CompositeDepthIsTheTruthOfRoomAndFigure) {
+  Studio studio = MakeStudio(/*with_objects=*/false);
+  Learn(studio);
+  Frame frame;
+  frame.captured = Capture(14.0);
+  studio.Run(frame, times_);
+  const cv::Mat1f truth_m = synthetic_->TruthDepth(SyntheticCamera::kColor, 14.0);
+  int known = 0;
+  int near = 0;
+  for (int y = 0; y < truth_m.rows; y += 3) {
+    for (int x = 0; x < truth_m.cols; x += 3) {
+      if (frame.depth_mm(y, x) == 0) continue;
+      ++known;
+      near += std::abs(static_cast<float>(frame.depth_mm(y, x)) * 1e-3f - truth_m(y, x)) < 0.1f;
+    }
+  }
+  EXPECT_GT(known, truth_m.rows * truth_m.cols / 9 * 8 / 10);
+  EXPECT_GT(near, known * 9 / 10);  // the rest lies beside silhouettes and is noisy beyond 5 m
+}
+
+TEST_F(StudioTest, TheFigureHidesOneObjectAndIsHiddenByAnother) {
+  Studio studio = MakeStudio(/*with_objects=*/true);
+  Learn(studio);
+  Frame frame;
+  bool hides = false;
+  bool hidden = false;
+  cv::Mat1b alone;
+  for (double t_s = 2.9; t_s < 9; t_s += 0.2) {
+    frame.captured = Capture(t_s);
+    studio.Run(frame, times_);
+    if (alone.empty()) alone = frame.cg_alpha.clone();  // he is not there yet
+    const cv::Mat truth = synthetic_->TruthMatte(t_s) >= 250;
+    hides = hides || cv::countNonZero(truth & (alone == 255) & (frame.cg_alpha == 0)) > 2000;
+    hidden = hidden || cv::countNonZero(truth & (frame.cg_alpha == 255)) > 2000;
+  }
+  EXPECT_TRUE(hides);
+  EXPECT_TRUE(hidden);
+}
+
+TEST_F(StudioTest, WithoutDepthTheShowGoesOnByColour) {
+  Studio studio = MakeStudio(/*with_objects=*/true);
+  Learn(studio);
+  Frame frame;
+  auto captured = std::make_shared<CapturedFrame>(*Capture(8.5));
+  captured->depth = nullptr;
+  frame.captured = captured;
+  studio.Run(frame, times_);
+  EXPECT_TRUE(frame.keyed);
+  const cv::Mat truth = synthetic_->TruthMatte(8.5) >= 128;
+  EXPECT_GT(cv::countNonZero(truth & (frame.alpha >= 128)), cv::countNonZero(truth) * 7 / 10);
+}
+
+TEST_F(StudioTest, ADepthPictureOfAnotherSizeIsCountedAndLeftOut) {
+  Studio studio = MakeStudio(/*with_objects=*/false);
+  auto captured = std::make_shared<CapturedFrame>(*Capture(0.5));
+  auto odd = std::make_shared<DepthPicture>();
+  odd->counts = cv::Mat1w(10, 10, std::uint16_t{1000});
+  captured->depth = odd;
+  Frame frame;
+  frame.captured = captured;
+  studio.Run(frame, times_);
+  EXPECT_EQ(studio.unusable_depths(), 1);
+  EXPECT_TRUE(frame.D.empty());
+}
+
+TEST(Studio, AWorldSceneNeedsAPose) {
+  StudioSetup setup;
+  setup.rig = AssumedRig(64, 48, 0.001);
+  setup.scene = Scene{};
+  const auto studio = Studio::Create(std::move(setup));
+  ASSERT_FALSE(studio);
+  EXPECT_EQ(studio.error().code, ErrorCode::kInvalidConfig);
+  EXPECT_NE(studio.error().message.find("frame: camera"), std::string::npos);
+}
+
+TEST(FrameStages, TheTableNamesEveryStageOnce) {
+  std::set<std::string_view> names;
+  for (const StageInfo& stage : AllStages()) {
+    EXPECT_TRUE(names.insert(stage.name).second) << stage.name;
+    EXPECT_GT(stage.budget_ms, 0);
+  }
+}
+
+}  // namespace
+}  // namespace mixstage
