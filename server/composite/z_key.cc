@@ -2,6 +2,7 @@
 #include "server/composite/z_key.h"
 
 #include <algorithm>
+#include <array>
 #include <cstring>
 #include <opencv2/imgproc.hpp>
 
@@ -290,35 +291,43 @@ void ZKey::MixChromaRow(const ZKeyInput& in, int chroma_y, YuvImage& composite) 
   const int shift_x = ChromaShiftX(composite.layout);
   const int bw = 1 << shift_x;
   const int top = (chroma_y << ChromaShiftY(composite.layout)) - bounds.y;
-  const int bottom = std::min(top + (1 << ChromaShiftY(composite.layout)), bounds.height);
-  for (int i = 0; i < bounds.width; i += bw) {
-    if (i % 8 == 0 && i + 8 <= bounds.width) {
-      std::uint64_t any = 0;
-      for (int y = top; y < bottom; ++y) any |= Eight(seen_[y] + i);
-      if (any == 0) {
-        i += 8 - bw;
-        continue;
+  const int bottom = std::min(top + (1 << ChromaShiftY(composite.layout)), bounds.height) - 1;
+  // One row or two; a single one is read twice, which leaves the mean what it is.
+  const std::array<const std::uint8_t*, 2> seen = {seen_[top], seen_[bottom]};
+  const auto mix_plane = [&](const cv::Mat1b& real, const cv::Mat1b& layer, const cv::Mat1b& mixed,
+                             cv::Mat1b& to) {
+    const std::uint8_t* own = real[chroma_y] + (bounds.x >> shift_x);
+    std::uint8_t* out = to[chroma_y] + (bounds.x >> shift_x);
+    const std::array<const std::uint8_t*, 2> whole = {layer[top], layer[bottom]};
+    const std::array<const std::uint8_t*, 2> part = {mixed[top], mixed[bottom]};
+    for (int i = 0; i < bounds.width; i += bw) {
+      if (i % 8 == 0 && i + 8 <= bounds.width) {
+        const std::uint64_t a = Eight(seen[0] + i), b = Eight(seen[1] + i);
+        if ((a | b) == 0) {
+          i += 8 - bw;
+          continue;
+        }
+        if ((a & b) == ~std::uint64_t{0} && bw == 2) {
+          for (int k = i; k < i + 8; k += 2) {
+            const int sum = whole[0][k] + whole[0][k + 1] + whole[1][k] + whole[1][k + 1];
+            out[k / 2] = static_cast<std::uint8_t>((sum + 2) / 4);
+          }
+          i += 8 - bw;
+          continue;
+        }
       }
-    }
-    const int cx = (bounds.x + i) >> shift_x;
-    int cb = 0, cr = 0, pixels = 0, mixed = 0;
-    for (int y = top; y < bottom; ++y) {
-      for (int x = i; x < std::min(i + bw, bounds.width); ++x) {
-        ++pixels;
-        const std::uint8_t seen = seen_[y][x];
-        mixed += seen;
-        cb += seen == kWhole   ? layer_cb_[y][x]
-              : seen == kMixed ? mixed_cb_[y][x]
-                               : in.color->cb[chroma_y][cx];
-        cr += seen == kWhole   ? layer_cr_[y][x]
-              : seen == kMixed ? mixed_cr_[y][x]
-                               : in.color->cr[chroma_y][cx];
+      const int right = std::min(i + bw, bounds.width) - 1;
+      int sum = 0;
+      for (std::size_t r = 0; r < 2; ++r) {
+        for (const int x : {i, right}) {
+          sum += seen[r][x] == kWhole ? whole[r][x] : seen[r][x] == kMixed ? part[r][x] : own[i >> shift_x];
+        }
       }
+      out[i >> shift_x] = static_cast<std::uint8_t>((sum + 2) / 4);
     }
-    if (mixed == 0) continue;
-    composite.cb[chroma_y][cx] = static_cast<std::uint8_t>((cb + pixels / 2) / pixels);
-    composite.cr[chroma_y][cx] = static_cast<std::uint8_t>((cr + pixels / 2) / pixels);
-  }
+  };
+  mix_plane(in.color->cb, layer_cb_, mixed_cb_, composite.cb);
+  mix_plane(in.color->cr, layer_cr_, mixed_cr_, composite.cr);
 }
 
 }  // namespace mixstage

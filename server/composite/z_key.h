@@ -67,9 +67,8 @@ class ZKey {
 
   // Of the layer that was drawn last: opaque CG needs no blending, its Y'CbCr is made once.
   std::uint64_t layer_drawing_ = 0;
-  cv::Mat1b layer_y_, layer_cb_, layer_cr_;    // [bounds] un-premultiplied
-  cv::Mat1b layer_block_cb_, layer_block_cr_;  // [bounds in chroma samples] their means
-  cv::Mat1w layer_mm_;                         // [bounds]
+  cv::Mat1b layer_y_, layer_cb_, layer_cr_;  // [bounds] un-premultiplied
+  cv::Mat1w layer_mm_;                       // [bounds]
   // What of it the room leaves to be seen, row by row.
   std::uint64_t room_of_stretches_ = 0;  // revision of the room they were made for; 0 = without
   bool stretches_known_ = false;

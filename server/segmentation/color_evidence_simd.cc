@@ -61,6 +61,7 @@ HWY_INLINE void EvidenceAt(D d, const ColorRow& row, std::size_t x, const ToneCh
   const V one = hn::Set(d, 1.0f);
   const V zero = hn::Zero(d);
   V I_t[3], I_m[3], variance[3];
+  hn::Mask<D> above[3];
   V D_t = zero, along = zero, length = zero;
   for (std::size_t c = 0; c < 3; ++c) {
     I_t[c] = Load(d, row.picture[c] + x);
@@ -70,10 +71,18 @@ HWY_INLINE void EvidenceAt(D d, const ColorRow& row, std::size_t x, const ToneCh
     I_m[c] = hn::Min(hn::Max(moved_mean, zero), hn::Set(d, 255.0f));
     const V doubt = hn::Mul(hn::Set(d, kToneDoubt), hn::Sub(I_m[c], mean));
     variance[c] = hn::MulAdd(doubt, doubt, hn::Mul(hn::LoadU(d, row.variance[c] + x), hn::Set(d, grown)));
+    above[c] = hn::Gt(mean, hn::Set(d, kClipped));
+  }
+  // Divisions cost most here: the three inverses come from that of the product.
+  const V first = hn::Mul(variance[0], variance[1]);
+  const V inverse_product = hn::Div(one, hn::Mul(first, variance[2]));
+  const V rest = hn::Mul(inverse_product, variance[2]);
+  const V inverses[3] = {hn::Mul(rest, variance[1]), hn::Mul(rest, variance[0]),
+                         hn::Mul(inverse_product, first)};
+  for (std::size_t c = 0; c < 3; ++c) {
     const V signed_difference = hn::Sub(I_t[c], I_m[c]);
-    const V difference = hn::IfThenElse(hn::Gt(mean, hn::Set(d, kClipped)), hn::Min(signed_difference, zero),
-                                        signed_difference);
-    const V inverse = hn::Div(one, variance[c]);
+    const V difference = hn::IfThenElse(above[c], hn::Min(signed_difference, zero), signed_difference);
+    const V inverse = inverses[c];
     D_t = hn::MulAdd(hn::Mul(difference, difference), inverse, D_t);
     const V weighted = hn::Mul(I_m[c], inverse);
     along = hn::MulAdd(I_t[c], weighted, along);
@@ -86,13 +95,17 @@ HWY_INLINE void EvidenceAt(D d, const ColorRow& row, std::size_t x, const ToneCh
 
   const V s = hn::Div(along, hn::Max(length, hn::Set(d, 1e-3f)));
   const V tolerance = hn::Mul(hn::Set(d, config.chroma_tolerance), hn::Sub(one, s));
-  V chroma = zero;
+  V squared[3], against[3];
   for (std::size_t c = 0; c < 3; ++c) {
     const V allowed = hn::Mul(tolerance, I_m[c]);
     const V difference = hn::NegMulAdd(s, I_m[c], I_t[c]);
-    chroma =
-        hn::Add(chroma, hn::Div(hn::Mul(difference, difference), hn::MulAdd(allowed, allowed, variance[c])));
+    squared[c] = hn::Mul(difference, difference);
+    against[c] = hn::MulAdd(allowed, allowed, variance[c]);
   }
+  // The sum of three fractions over their common denominator.
+  const V both = hn::Mul(against[0], against[1]);
+  const V two = hn::MulAdd(squared[0], against[1], hn::Mul(squared[1], against[0]));
+  const V chroma = hn::Div(hn::MulAdd(two, against[2], hn::Mul(squared[2], both)), hn::Mul(both, against[2]));
   const V dark =
       hn::Mul(hn::Set(d, config.darkness_cost), hn::Max(hn::Sub(hn::Set(d, config.usual_least), s), zero));
   const V bright = hn::Mul(hn::Set(d, kBrighterCost), hn::Max(hn::Sub(s, hn::Set(d, kBrighter)), zero));

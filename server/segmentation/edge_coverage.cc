@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 #include <opencv2/imgproc.hpp>
 
 #include "proto/base/check.h"
@@ -88,6 +90,14 @@ void Place(const HalfPicture& picture, const BackgroundModel& model, const ToneC
 
 }  // namespace
 
+// Among eight pixels from (x, y) on.
+bool EdgeCoverage::HasBand(int x, int y) const {
+  std::uint64_t inner = 0, outer = 0;
+  std::memcpy(&inner, inner_.ptr<std::uint8_t>(y) + x, sizeof(inner));
+  std::memcpy(&outer, outer_.ptr<std::uint8_t>(y) + x, sizeof(outer));
+  return inner != outer;
+}
+
 void EdgeCoverage::Run(const HalfPicture& picture, const BackgroundModel& model, const ToneChange& tone,
                        const cv::Mat1b& mask, cv::Mat1b* alpha) {
   MIX_CHECK(alpha != nullptr && mask.size() == picture.r.size() && alpha->size() == mask.size());
@@ -96,8 +106,12 @@ void EdgeCoverage::Run(const HalfPicture& picture, const BackgroundModel& model,
   cv::dilate(mask, outer_, kernel);
   // Four neighbours share one look around: F and the light change more slowly than the outline.
   for (int y = 0; y < mask.rows; y += 2) {
+    const int bottom = std::min(y + 1, mask.rows - 1);
     for (int x = 0; x < mask.cols; x += 2) {
-      const int bottom = std::min(y + 1, mask.rows - 1);
+      if (x + 8 <= mask.cols && !HasBand(x, y) && !HasBand(x, bottom)) {
+        x += 6;
+        continue;
+      }
       const int right = std::min(x + 1, mask.cols - 1);
       const auto is_band = [&](int u, int v) {
         return inner_.ptr<std::uint8_t>(v)[u] != outer_.ptr<std::uint8_t>(v)[u];

@@ -22,6 +22,8 @@ class EdgeCoverage {
            const cv::Mat1b& mask, cv::Mat1b* alpha);
 
  private:
+  [[nodiscard]] bool HasBand(int x, int y) const;
+
   cv::Mat1b inner_, outer_;
 };
 

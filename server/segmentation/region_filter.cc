@@ -2,11 +2,42 @@
 #include "server/segmentation/region_filter.h"
 
 #include <algorithm>
+#include <cstdint>
+#include <cstring>
 
 #include "proto/base/check.h"
 #include "server/segmentation/color_evidence.h"
 
 namespace mixstage {
+namespace {
+
+static_assert(kNoEvidence == 128, "EndOfStretch compares eight bytes at once with 128");
+
+// Top bit of each byte: whether it is above 128.
+std::uint64_t Above128(const std::uint8_t* from) {
+  std::uint64_t bytes = 0;
+  std::memcpy(&bytes, from, sizeof(bytes));
+  constexpr std::uint64_t kLowBits = 0x7F7F7F7F7F7F7F7F;
+  return ((bytes & kLowBits) + kLowBits) & bytes & ~kLowBits;
+}
+
+// First column after `begin` that is on the other side; width if none.
+int EndOfStretch(const std::uint8_t* side, int begin, int width, bool actor) {
+  const std::uint64_t same = actor ? 0x8080808080808080 : 0;
+  int end = begin;
+  while (end + 8 <= width && Above128(side + end) == same) end += 8;
+  while (end < width && (side[end] > kNoEvidence) == actor) ++end;
+  return end;
+}
+
+int SumLimited(const std::uint8_t* own, int begin, int end) {
+  constexpr int kLimit = static_cast<int>(3 / kEvidencePerByte);
+  int sum = 0;
+  for (int x = begin; x < end; ++x) sum += std::min(std::max(own[x] - kNoEvidence, -kLimit), kLimit);
+  return sum;
+}
+
+}  // namespace
 
 int RegionFilter::Find(int region) {
   while (regions_[static_cast<std::size_t>(region)].parent != region) {
@@ -33,20 +64,17 @@ void RegionFilter::LabelRow(const cv::Mat1b& decision, const cv::Mat1b& evidence
                             std::size_t above_begin) {
   const std::uint8_t* side = decision.ptr<std::uint8_t>(y);
   const std::uint8_t* own = evidence.ptr<std::uint8_t>(y);
-  constexpr int kLimit = static_cast<int>(3 / kEvidencePerByte);
   const std::size_t above_end = stretches_.size();
   std::size_t above = above_begin;
   const int width = decision.cols;
   for (int begin = 0; begin < width;) {
     const bool actor = side[begin] > kNoEvidence;
-    int sum = 0;
-    int end = begin;
-    for (; end < width && (side[end] > kNoEvidence) == actor; ++end) {
-      sum += std::min(std::max(own[end] - kNoEvidence, -kLimit), kLimit);
-    }
+    const int end = EndOfStretch(side, begin, width, actor);
+    const bool border = begin == 0 || end == width || y == 0 || y + 1 == decision.rows;
     const int region = static_cast<int>(regions_.size());
-    regions_.push_back({region, end - begin, static_cast<float>(sum) * kEvidencePerByte, actor,
-                        begin == 0 || end == width || y == 0 || y + 1 == decision.rows});
+    // Evidence decides on actors and on holes: the room at the border is neither.
+    const int sum = actor || !border ? SumLimited(own, begin, end) : 0;
+    regions_.push_back({region, end - begin, static_cast<float>(sum) * kEvidencePerByte, actor, border});
     while (above < above_end && stretches_[above].end <= begin) ++above;
     for (std::size_t i = above; i < above_end && stretches_[i].begin < end; ++i) {
       if (regions_[static_cast<std::size_t>(stretches_[i].region)].actor == actor)

@@ -33,7 +33,7 @@ class RegionFilter {
   struct Region {
     int parent;
     int area;
-    float evidence;  // sum over pixels, in log-odds, each limited to +-3
+    float evidence;  // sum over pixels, in log-odds, each limited to +-3; of the room at the border: 0
     bool actor;
     bool border;
   };

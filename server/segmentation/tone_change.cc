@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <numeric>
 
 namespace mixstage {
 namespace {
@@ -10,6 +12,9 @@ namespace {
 constexpr int kMaxPoints = 4096;
 struct Points {
   int count = 0;
+  // Whole groups of eight; of the last group, those beyond count weigh nothing.
+  [[nodiscard]] std::size_t padded() const { return (static_cast<std::size_t>(count) + 7) / 8 * 8; }
+  std::array<float, kMaxPoints> counts;  // 1 or, in the padding, 0
   std::array<std::array<float, kMaxPoints>, 3> room;
   std::array<std::array<float, kMaxPoints>, 3> now;
 };
@@ -62,6 +67,12 @@ ToneChange FindToneChange(const HalfPicture& picture, const std::array<cv::Mat1f
                           const cv::Mat1b& actor) {
   Points points;
   Collect(picture, mean, actor, &points);
+  const auto known = static_cast<std::size_t>(points.count);
+  std::fill_n(points.counts.begin(), known, 1.0f);
+  for (std::size_t i = known; i < points.padded(); ++i) {
+    points.counts[i] = 0;
+    for (std::size_t c = 0; c < 3; ++c) points.room[c][i] = points.now[c][i] = 0;
+  }
   ToneChange tone;
   if (points.count < 100) return tone;
   for (std::size_t c = 0; c < 3; ++c) {
@@ -69,19 +80,28 @@ ToneChange FindToneChange(const HalfPicture& picture, const std::array<cv::Mat1f
     float gain = ratio;
     float offset = 2 * (ratio - 1);
     for (const float scale : {12.0f, 8.0f, 6.0f, 4.0f}) {
-      float sum = 0, sum_room = 0, sum_now = 0, sum_rr = 0, sum_rn = 0;
-      for (std::size_t i = 0; i < static_cast<std::size_t>(points.count); ++i) {
-        const float room = points.room[c][i];
-        const float now = points.now[c][i];
-        const float error = (now - gain * room - offset) / scale;
-        const float root = 1 / (1 + error * error);
-        const float weight = root * root;  // Geman-McClure: an actor's pixels count for nothing
-        sum += weight;
-        sum_room += weight * room;
-        sum_now += weight * now;
-        sum_rr += weight * room * room;
-        sum_rn += weight * room * now;
+      // Lane by lane: independent sums are what a compiler can make vectors of.
+      constexpr std::size_t kLanes = 8;
+      std::array<std::array<float, kLanes>, 5> lanes{};
+      for (std::size_t i = 0; i < points.padded(); i += kLanes) {
+        const float* rooms = points.room[c].data() + i;
+        const float* nows = points.now[c].data() + i;
+        const float* counts = points.counts.data() + i;
+        for (std::size_t k = 0; k < kLanes; ++k) {
+          const float error = (nows[k] - gain * rooms[k] - offset) / scale;
+          const float root = 1 / (1 + error * error);
+          const float weight = counts[k] * root * root;  // Geman-McClure: an actor's pixels count for nothing
+          lanes[0][k] += weight;
+          lanes[1][k] += weight * rooms[k];
+          lanes[2][k] += weight * nows[k];
+          lanes[3][k] += weight * rooms[k] * rooms[k];
+          lanes[4][k] += weight * rooms[k] * nows[k];
+        }
       }
+      std::array<float, 5> sums{};
+      for (std::size_t j = 0; j < sums.size(); ++j)
+        sums[j] = std::accumulate(lanes[j].begin(), lanes[j].end(), 0.0f);
+      const auto [sum, sum_room, sum_now, sum_rr, sum_rn] = sums;
       if (sum < 30) break;
       const float mean_room = sum_room / sum;
       const float mean_now = sum_now / sum;

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <utility>
 
+#include "server/composite/mix.h"
 #include "server/composite/srgb.h"
 
 namespace mixstage {
@@ -115,6 +116,65 @@ TEST_F(ZKeyTest, ALayerOfAnotherDrawingIsTakenUp) {
   cg_.drawing = 2;
   Run();
   EXPECT_GT(YcbcrToRgb(composite_.y(5, 6), composite_.cb(2, 3), composite_.cr(2, 3)).b, 250);
+}
+
+TEST_F(ZKeyTest, TheActorsSoftEdgeLetsCgThroughByItsRest) {
+  SetActor(1.5f, 0);
+  alpha_(cv::Rect(0, 0, 6, 12)).setTo(255);
+  alpha_(cv::Rect(6, 0, 1, 12)).setTo(64);
+  Run();
+  const SrgbTables& srgb = SrgbTables::Get();
+  EXPECT_EQ(cg_alpha_(5, 5), 0);
+  EXPECT_EQ(cg_alpha_(5, 6), 191);
+  EXPECT_EQ(cg_alpha_(5, 7), 255);
+  const float real = srgb.ToLinear(100);
+  const float share = 64.f / 255;
+  const Ycbcr8 truth = RgbToYcbcr(
+      {srgb.ToSrgb(share * real + 1 - share), srgb.ToSrgb(share * real), srgb.ToSrgb(share * real)});
+  EXPECT_NEAR(composite_.y(5, 6), truth.y, 1);
+  EXPECT_NEAR(composite_.cr(2, 3), (truth.cr + RgbToYcbcr({255, 0, 0}).cr + 1) / 2, 1);
+  EXPECT_EQ(depth_mm_(5, 5), 1500);
+  EXPECT_EQ(depth_mm_(5, 6), 2000);
+}
+
+TEST(ZKey, OddSizesAndEveryLayoutAreDrawnToTheLastPixel) {
+  for (const auto layout : {ChromaLayout::k444, ChromaLayout::k422, ChromaLayout::k420}) {
+    YuvImage color, composite;
+    color.Create(37, 23, layout);
+    for (cv::Mat1b* plane : {&color.y, &color.cb, &color.cr}) plane->setTo(128);
+    CgLayer cg;
+    cg.bounds = {2, 4, 35, 19};
+    cg.color = cv::Mat4f(19, 35, cv::Vec4f(0, 0, 1, 1));
+    cg.depth_m = cv::Mat1f(19, 35, 2.f);
+    cg.drawing = 1;
+    cv::Mat1w depth_mm;
+    cv::Mat1b cg_alpha;
+    ZKey z_key;
+    z_key.Run({.color = &color, .alpha = {}, .actor_depth_m = {}, .room = nullptr, .cg = &cg}, composite,
+              depth_mm, cg_alpha);
+    EXPECT_EQ(cv::countNonZero(cg_alpha), 35 * 19);
+    EXPECT_EQ(cv::countNonZero(depth_mm == 2000), 35 * 19);
+    const Ycbcr8 blue = RgbToYcbcr({0, 0, 255});
+    EXPECT_EQ(composite.y(22, 36), blue.y);
+    EXPECT_EQ(composite.cb(composite.cb.rows - 1, composite.cb.cols - 1), blue.cb);
+    EXPECT_EQ(composite.cr(composite.cr.rows - 1, 0), 128);
+    EXPECT_EQ(composite.y(3, 36), 128);
+  }
+}
+
+TEST(Mix, WholeNumberConversionsAreThoseOfTheCodecWithinOneLevel) {
+  for (int a = 0; a < 256; a += 5) {
+    for (int b = 0; b < 256; b += 5) {
+      for (int c = 0; c < 256; c += 5) {
+        const auto x = static_cast<std::uint8_t>(a), y = static_cast<std::uint8_t>(b),
+                   z = static_cast<std::uint8_t>(c);
+        const Rgb8 rgb = YcbcrToRgb(x, y, z), fixed = FixedYcbcrToRgb(a, b, c);
+        ASSERT_LE(std::max({std::abs(rgb.r - fixed.r), std::abs(rgb.g - fixed.g), std::abs(rgb.b - fixed.b)}), 1);
+        const Ycbcr8 ycc = RgbToYcbcr({x, y, z}), whole = FixedRgbToYcbcr({x, y, z});
+        ASSERT_LE(std::max({std::abs(ycc.y - whole.y), std::abs(ycc.cb - whole.cb), std::abs(ycc.cr - whole.cr)}), 1);
+      }
+    }
+  }
 }
 
 TEST(SrgbTables, ThereAndBackIsExact) {

@@ -89,7 +89,7 @@ TEST(VideoEncoder, DepthAtTwoMegabitIsWithinEightMillimetresAtThreeMetres) {
   ASSERT_TRUE(encoder) << encoder.error().message;
   StreamDecoder decoder = *StreamDecoder::Create();
   DepthRangeFit fit = *DepthRangeFit::Create({});
-  DepthPicture decoded;
+  WatchedDepth decoded;
   Yuv10Image planes;
   std::mt19937 random(5);
   std::normal_distribution<float> noise(0, 0.004f);
@@ -136,7 +136,7 @@ TEST(VideoEncoder, MatteAndLabelSurvive) {
   PackDepth(View(depth), View(alpha), View(label), {1, 6}, &planes);
   const auto encoded = encoder->Encode(planes, 0);
   ASSERT_TRUE(encoded);
-  DepthPicture decoded;
+  WatchedDepth decoded;
   ASSERT_EQ(decoder.DecodeDepth(ViewOf(*encoded, WatchStream::kDepth, {1, 6}), &decoded),
             DecodeOutcome::kPicture);
   EXPECT_GT(decoded.alpha(60, 56), 240);  // inside
