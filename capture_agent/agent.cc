@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "capture_agent/agent.h"
 
-#include <atomic>
 #include <array>
+#include <atomic>
 #include <random>
 #include <thread>
 
@@ -29,7 +29,8 @@ struct Queued {
 
 }  // namespace
 
-AgentTotals RunAgent(Source& source, Pace pace, LcmLink& link, const PublisherConfig& config, std::stop_token stop) {
+AgentTotals RunAgent(Source& source, Pace pace, LcmLink& link, const PublisherConfig& config,
+                     std::stop_token stop) {
   BoundedQueue<Queued> queue(kQueuePictures, pace == Pace::kReal ? WhenFull::kDropOldest : WhenFull::kWait);
   std::atomic<std::int64_t> dropped = 0;
   AgentTotals totals;
@@ -56,7 +57,8 @@ AgentTotals RunAgent(Source& source, Pace pace, LcmLink& link, const PublisherCo
   while (!stop.stop_requested()) {
     auto captured = source.Next(stop);
     if (!captured) {
-      if (totals.unreadable++ == 0) spdlog::warn("source unreadable=1 reason=\"{}\"", captured.error().message);
+      if (totals.unreadable++ == 0)
+        spdlog::warn("source unreadable=1 reason=\"{}\"", captured.error().message);
       continue;
     }
     if (!*captured) break;

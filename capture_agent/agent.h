@@ -13,8 +13,9 @@ struct AgentTotals {
   std::int64_t captured = 0, published = 0, dropped = 0, unreadable = 0, send_errors = 0;
 };
 
-// Runs a source until it ends or `stop`: one thread captures, one publishes, a bounded queue between them. With
-// Pace::kReal a full queue drops its oldest picture, so that capture never waits for the network.
-AgentTotals RunAgent(Source& source, Pace pace, LcmLink& link, const PublisherConfig& config, std::stop_token stop);
+// Runs a source until it ends or `stop`: one thread captures, one publishes, a bounded queue between them.
+// With Pace::kReal a full queue drops its oldest picture, so that capture never waits for the network.
+AgentTotals RunAgent(Source& source, Pace pace, LcmLink& link, const PublisherConfig& config,
+                     std::stop_token stop);
 
 }  // namespace mixstage

@@ -28,8 +28,8 @@ Result<std::unique_ptr<Source>> OpenSource(const Options& options, Pace pace) {
     auto take = OpenTake(options.source.substr(kTake.size()));
     if (!take) return tl::unexpected(take.error());
     for (const std::string& warning : take->warnings) spdlog::warn("take {}", warning);
-    spdlog::info("take folder={} color={} depth={} amplitude={} fisheye={}", take->folder.string(), take->color.size(),
-                 take->depth.size(), take->amplitude.size(), take->fisheye.size());
+    spdlog::info("take folder={} color={} depth={} amplitude={} fisheye={}", take->folder.string(),
+                 take->color.size(), take->depth.size(), take->amplitude.size(), take->fisheye.size());
     return MakeTakeSource(std::move(*take), pace, options.loop ? AtEnd::kLoop : AtEnd::kStop);
   }
   if (options.source == "synthetic") {
@@ -68,8 +68,8 @@ Status Run(const Options& options) {
   config.name = options.name;
   spdlog::info("agent name={} source={} lcm={}", options.name, options.source, options.lcm_url);
   const AgentTotals t = RunAgent(**source, pace, **link, config, stop.get_token());
-  spdlog::info("agent end captured={} published={} dropped={} unreadable={} send_errors={}", t.captured, t.published,
-               t.dropped, t.unreadable, t.send_errors);
+  spdlog::info("agent end captured={} published={} dropped={} unreadable={} send_errors={}", t.captured,
+               t.published, t.dropped, t.unreadable, t.send_errors);
   if (t.captured == 0 && t.unreadable > 0) {
     return Fail(ErrorCode::kBadInput, "no picture of " + options.source + " could be read");
   }
@@ -81,9 +81,11 @@ Status Run(const Options& options) {
 
 int main(int argc, char** argv) {
   mixstage::Options options;
-  CLI::App app{"Publishes the pictures of a camera head (colour, depth, amplitude, fisheye, angles) over LCM."};
+  CLI::App app{
+      "Publishes the pictures of a camera head (colour, depth, amplitude, fisheye, angles) over LCM."};
   app.set_version_flag("--version", std::string("mixstage-agent ") + mixstage::kVersion);
-  app.add_option("--source", options.source, "take:DIR (a capture folder) or synthetic (a room and a walking figure)")
+  app.add_option("--source", options.source,
+                 "take:DIR (a capture folder) or synthetic (a room and a walking figure)")
       ->required();
   app.add_flag("--loop", options.loop, "take: start again at its end, times carried on");
   app.add_option("--rate", options.rate, "take: real time, or max (as fast as the network takes it)")
@@ -92,8 +94,11 @@ int main(int argc, char** argv) {
   app.add_option("--rig", options.rig_file, "synthetic: rig.json whose cameras see the room");
   app.add_option("--lcm", options.lcm_url, "LCM URL")->capture_default_str();
   app.add_option("--name", options.name, "how people call this head")->capture_default_str();
-  app.add_option("--log-level", options.log_level, "trace, debug, info, warn, error or off")->capture_default_str();
-  app.footer("Examples:\n  mixstage-agent --source synthetic\n  mixstage-agent --source take:recordings/monday --loop");
+  app.add_option("--log-level", options.log_level, "trace, debug, info, warn, error or off")
+      ->capture_default_str();
+  app.footer(
+      "Examples:\n  mixstage-agent --source synthetic\n  mixstage-agent --source take:recordings/monday "
+      "--loop");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

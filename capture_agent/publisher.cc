@@ -90,7 +90,8 @@ void Publisher::PublishHealthIfDue(std::int64_t dropped, int queue) {
   health.depth_fps = rate(Stream::kDepth);
   health.fisheye_fps = rate(Stream::kFisheye);
   const std::int64_t pictures = std::max<std::int64_t>(1, sent_this_second_[Index(Stream::kColor)]);
-  health.encode_ms = static_cast<float>(static_cast<double>(encode_us_) * 1e-3 / static_cast<double>(pictures));
+  health.encode_ms =
+      static_cast<float>(static_cast<double>(encode_us_) * 1e-3 / static_cast<double>(pictures));
   health.queue = queue;
   health.published = published_;
   health.dropped = dropped;

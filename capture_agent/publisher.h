@@ -15,14 +15,14 @@ namespace mixstage {
 struct PublisherConfig {
   std::string name = "head-1";  // for people; at most 31 bytes are sent
   int jpeg_quality = 90;        // of pictures that are not JPEG yet
-  // Datagrams leave in bursts of this many with a pause between them, so that a receiver with a small socket buffer
-  // and a switch with small queues keep up; 160 slices (200 kB) take 4 ms.
+  // Datagrams leave in bursts of this many with a pause between them, so that a receiver with a small socket
+  // buffer and a switch with small queues keep up; 160 slices (200 kB) take 4 ms.
   int burst_slices = 32;
   int burst_pause_us = 1000;
 };
 
-// Encodes what a source captured and hands it to the network: pictures as slices, angles, and health once a second.
-// Owned by the publishing thread; never waits for a server.
+// Encodes what a source captured and hands it to the network: pictures as slices, angles, and health once a
+// second. Owned by the publishing thread; never waits for a server.
 class Publisher {
  public:
   // epoch: random number of this start, not 0.
@@ -31,7 +31,8 @@ class Publisher {
   void Publish(const Captured& captured);
   // Sends agent_health_t when a second has passed. dropped, queue: what the capture side counted.
   void PublishHealthIfDue(std::int64_t dropped, int queue);
-  // A picture that was dropped before it got here still has its number, so that the server can count it as lost.
+  // A picture that was dropped before it got here still has its number, so that the server can count it as
+  // lost.
   void SkipPicture(Stream stream);
 
   [[nodiscard]] std::int64_t published() const { return published_; }

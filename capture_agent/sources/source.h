@@ -38,8 +38,8 @@ enum class Pace {
 class Source {
  public:
   virtual ~Source() = default;
-  // Waits until the next picture is due; nothing when the source has ended or `stop` was asked for. An error is one
-  // picture that could not be had: the caller counts it and goes on.
+  // Waits until the next picture is due; nothing when the source has ended or `stop` was asked for. An error
+  // is one picture that could not be had: the caller counts it and goes on.
   virtual Result<std::optional<Captured>> Next(std::stop_token stop) = 0;
 };
 

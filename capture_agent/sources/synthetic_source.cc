@@ -32,7 +32,8 @@ class SyntheticSource final : public Source {
     if (start_us_ == 0) start_us_ = MonotonicMicros() + kRenderUs;
     if (amplitude_) {
       // Depth and amplitude are of one exposure: the second follows at once.
-      return std::optional(Captured{amplitude_us_, Picture(Stream::kAmplitude, *std::exchange(amplitude_, std::nullopt))});
+      return std::optional(
+          Captured{amplitude_us_, Picture(Stream::kAmplitude, *std::exchange(amplitude_, std::nullopt))});
     }
     const auto soonest = std::min_element(next_us_.begin(), next_us_.end());
     const auto what = static_cast<What>(soonest - next_us_.begin());
@@ -69,7 +70,8 @@ class SyntheticSource final : public Source {
  private:
   enum What { kDepth, kColor, kHead, kWhatCount };
   static constexpr std::int64_t kNever = std::int64_t{1} << 60;
-  static constexpr std::array<std::int64_t, kWhatCount> kPeriodUs = {kDepthPeriodUs, kColorPeriodUs, kHeadPeriodUs};
+  static constexpr std::array<std::int64_t, kWhatCount> kPeriodUs = {kDepthPeriodUs, kColorPeriodUs,
+                                                                     kHeadPeriodUs};
 
   static CapturedPicture Picture(Stream stream, const cv::Mat1w& content) {
     return {.stream = stream, .content = content, .width = content.cols, .height = content.rows};
@@ -80,7 +82,8 @@ class SyntheticSource final : public Source {
     for (int what = 0; what < kWhatCount; ++what) {
       std::int64_t& next_us = next_us_[static_cast<std::size_t>(what)];
       const std::int64_t period_us = kPeriodUs[static_cast<std::size_t>(what)];
-      if (next_us != kNever && next_us < now_us) next_us += (now_us - next_us + period_us - 1) / period_us * period_us;
+      if (next_us != kNever && next_us < now_us)
+        next_us += (now_us - next_us + period_us - 1) / period_us * period_us;
     }
   }
 

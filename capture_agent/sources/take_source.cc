@@ -20,13 +20,16 @@ class TakeSource final : public Source {
     add(Stream::kDepth, take_.depth);
     add(Stream::kAmplitude, take_.amplitude);
     add(Stream::kFisheye, take_.fisheye);
-    for (const HeadSample& sample : take_.head) events_.push_back({sample.t_s, Stream::kColor, nullptr, &sample});
+    for (const HeadSample& sample : take_.head)
+      events_.push_back({sample.t_s, Stream::kColor, nullptr, &sample});
     add(Stream::kColor, take_.color);
     // Of one instant depth comes first: the colour picture that follows can use it.
-    std::stable_sort(events_.begin(), events_.end(), [](const Event& a, const Event& b) { return a.t_s < b.t_s; });
+    std::stable_sort(events_.begin(), events_.end(),
+                     [](const Event& a, const Event& b) { return a.t_s < b.t_s; });
     first_s_ = events_.front().t_s;
     const std::size_t n = take_.color.size();
-    const double interval_s = n > 1 ? (take_.color.back().t_s - take_.color.front().t_s) / static_cast<double>(n - 1) : 1.0 / 30;
+    const double interval_s =
+        n > 1 ? (take_.color.back().t_s - take_.color.front().t_s) / static_cast<double>(n - 1) : 1.0 / 30;
     period_s_ = events_.back().t_s - first_s_ + interval_s;
   }
 
@@ -43,7 +46,8 @@ class TakeSource final : public Source {
     captured.t_us = start_us_ + std::llround(since_start_s * 1e6);
     // The picture is read before its time, so that it leaves on time.
     Status read = event.angles == nullptr ? ReadPicture(event, captured) : Status{};
-    if (event.angles != nullptr) captured.what = CapturedAngles{event.angles->pan_deg, event.angles->tilt_deg};
+    if (event.angles != nullptr)
+      captured.what = CapturedAngles{event.angles->pan_deg, event.angles->tilt_deg};
     if (pace_ == Pace::kReal && !WaitUntil(captured.t_us, stop)) return std::nullopt;
     if (stop.stop_requested()) return std::nullopt;
     if (!read) return tl::unexpected(read.error());

@@ -13,8 +13,8 @@ enum class AtEnd {
   kLoop,  // start again; times are carried on, a picture's interval after the last one
 };
 
-// Replays a capture folder exactly as a live head would send it: every stream at its own rate and timestamps, JPEG
-// bytes unchanged. With Pace::kMax times still advance as recorded.
+// Replays a capture folder exactly as a live head would send it: every stream at its own rate and timestamps,
+// JPEG bytes unchanged. With Pace::kMax times still advance as recorded.
 std::unique_ptr<Source> MakeTakeSource(Take take, Pace pace, AtEnd at_end);
 
 }  // namespace mixstage

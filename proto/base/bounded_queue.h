@@ -17,8 +17,8 @@ enum class WhenFull {
   kWait,            // offline work: nothing is lost, the producer waits
 };
 
-// First in, first out, never longer than its capacity. Any thread; Close() wakes both ends; what is queued can
-// still be taken after it.
+// First in, first out, never longer than its capacity. Any thread; Close() wakes both ends; what is queued
+// can still be taken after it.
 template <typename T>
 class BoundedQueue {
  public:

@@ -23,8 +23,7 @@ class ImageView {
   }
   // A view of a mutable picture is a view of a const one.
   operator ImageView<const T>() const  // NOLINT(google-explicit-constructor)
-    requires(!std::is_const_v<T>)
-  {
+      requires(!std::is_const_v<T>) {
     return {data_, width_, height_, stride_};
   }
 

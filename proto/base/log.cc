@@ -13,7 +13,8 @@ Status StartLog(const std::string& program, const std::string& level) {
     return Fail(ErrorCode::kInvalidConfig,
                 "--log-level " + level + " is none of trace, debug, info, warn, error, off");
   }
-  auto logger = std::make_shared<spdlog::logger>(program, std::make_shared<spdlog::sinks::stderr_color_sink_mt>());
+  auto logger =
+      std::make_shared<spdlog::logger>(program, std::make_shared<spdlog::sinks::stderr_color_sink_mt>());
   logger->set_pattern("%Y-%m-%dT%H:%M:%S.%e %^%l%$ %n %v");
   logger->set_level(parsed);
   spdlog::set_default_logger(std::move(logger));

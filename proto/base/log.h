@@ -11,7 +11,8 @@
 
 namespace mixstage {
 
-// level: trace, debug, info, warn, error or off. Logs go to standard error, so that standard output stays data.
+// level: trace, debug, info, warn, error or off. Logs go to standard error, so that standard output stays
+// data.
 Status StartLog(const std::string& program, const std::string& level);
 
 }  // namespace mixstage

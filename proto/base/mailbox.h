@@ -8,8 +8,8 @@
 
 namespace mixstage {
 
-// One place for one value: newest wins. What live threads hand frames over with: a slow reader sees the newest
-// frame, never a backlog. Any thread; Close() wakes the reader for good.
+// One place for one value: newest wins. What live threads hand frames over with: a slow reader sees the
+// newest frame, never a backlog. Any thread; Close() wakes the reader for good.
 template <typename T>
 class Mailbox {
  public:

@@ -13,16 +13,16 @@ namespace {
 
 constexpr std::array<std::uint8_t, 4> kMagic = {'M', 'X', 'D', '1'};
 constexpr std::size_t kHeaderBytes = 8;
-// zstd's fastest matcher with long matches and a small table: on residuals of real depth pictures it is both a tenth
-// faster and a little denser than plain level 1 (short matches there are chance).
+// zstd's fastest matcher with long matches and a small table: on residuals of real depth pictures it is both
+// a tenth faster and a little denser than plain level 1 (short matches there are chance).
 constexpr int kZstdLevel = 1;
 constexpr int kZstdMinMatch = 7;
 constexpr int kZstdHashLog = 13;
 constexpr std::uint16_t kFirstRowStart = 1;
 
-// A hole (0) is the symbol 0 and leaves the prediction alone: the surface beyond it goes on from the last measured
-// pixel. A measured value v = 1..65535 is the symbol 1 + zigzag(v - last), differences taken modulo 65,535 so that
-// every value has one symbol: 0, -1, 1, -2, ... become 1, 2, 3, 4, ...
+// A hole (0) is the symbol 0 and leaves the prediction alone: the surface beyond it goes on from the last
+// measured pixel. A measured value v = 1..65535 is the symbol 1 + zigzag(v - last), differences taken modulo
+// 65,535 so that every value has one symbol: 0, -1, 1, -2, ... become 1, 2, 3, 4, ...
 inline std::uint16_t Symbol(std::uint16_t value, std::uint16_t last) {
   int difference = int{value} - int{last};
   difference += (difference < -32767) ? 65535 : (difference > 32767) ? -65535 : 0;
@@ -41,7 +41,8 @@ std::uint16_t FirstMeasured(const std::uint16_t* row, int width, std::uint16_t o
   return first == row + width ? otherwise : *first;
 }
 
-// Blocks of this many pixels without a hole, or nothing but holes, are the rule; they need no branch per pixel.
+// Blocks of this many pixels without a hole, or nothing but holes, are the rule; they need no branch per
+// pixel.
 constexpr int kBlock = 16;
 
 enum class BlockKind { kMeasured = 1, kHoles, kMixed };
@@ -71,8 +72,9 @@ void EncodeMeasured(const std::uint16_t* values, std::uint16_t last, std::uint8_
   for (int i = 0; i < kBlock; ++i) high[i] = static_cast<std::uint8_t>(symbols[i] >> 8);
 }
 
-// Symbols of one row, low and high bytes apart. A row starts from the first measured pixel of the row above, which
-// is nearer than the last one at its far end: `start` is that value; returned is the one for the next row.
+// Symbols of one row, low and high bytes apart. A row starts from the first measured pixel of the row above,
+// which is nearer than the last one at its far end: `start` is that value; returned is the one for the next
+// row.
 std::uint16_t EncodeRow(const std::uint16_t* row, int width, std::uint16_t start, std::uint8_t* low,
                         std::uint8_t* high) {
   std::uint16_t last = start;
@@ -145,8 +147,8 @@ void DepthEncoder::Encode(ImageView<const std::uint16_t> picture, std::vector<st
   bytes[5] = static_cast<std::uint8_t>(w >> 8);
   bytes[6] = static_cast<std::uint8_t>(h);
   bytes[7] = static_cast<std::uint8_t>(h >> 8);
-  const std::size_t size = ZSTD_compress2(state_->context, bytes.data() + kHeaderBytes, bytes.size() - kHeaderBytes,
-                                          state_->planes.data(), 2 * pixels);
+  const std::size_t size = ZSTD_compress2(state_->context, bytes.data() + kHeaderBytes,
+                                          bytes.size() - kHeaderBytes, state_->planes.data(), 2 * pixels);
   MIX_CHECK(!ZSTD_isError(size));
   bytes.resize(kHeaderBytes + size);
 }

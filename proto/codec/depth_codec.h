@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Lossless coding of 16-bit pictures (depth, amplitude): predictor over holes, zigzag, byte planes, zstd. The noise of the
-// sensor is evidence for the key, so nothing may be lost; PNG is several times slower (SPEC.md 3.2).
+// Lossless coding of 16-bit pictures (depth, amplitude): predictor over holes, zigzag, byte planes, zstd. The
+// noise of the sensor is evidence for the key, so nothing may be lost; PNG is several times slower
+// (SPEC.md 3.2).
 #pragma once
 
 #include <cstdint>
@@ -35,8 +36,8 @@ class DepthDecoder {
  public:
   DepthDecoder();
   ~DepthDecoder();
-  // Fails on any byte string that Encode could not have written; never allocates more than the limits above allow,
-  // and not before the compressed stream itself states the same size as the header.
+  // Fails on any byte string that Encode could not have written; never allocates more than the limits above
+  // allow, and not before the compressed stream itself states the same size as the header.
   Status Decode(std::span<const std::uint8_t> bytes, cv::Mat1w& picture);
 
  private:

@@ -31,20 +31,20 @@ struct ParsedHeader {
   int width = 0, height = 0, subsampling = 0, colorspace = 0;
 };
 
-Result<ParsedHeader> ParseHeader(tjhandle handle, const JpegLimits& limits, std::span<const std::uint8_t> jpeg) {
+Result<ParsedHeader> ParseHeader(tjhandle handle, const JpegLimits& limits,
+                                 std::span<const std::uint8_t> jpeg) {
   if (jpeg.size() > limits.max_bytes) {
     return Fail(ErrorCode::kBadInput, "JPEG of " + std::to_string(jpeg.size()) + " bytes is over the limit");
   }
   ParsedHeader h;
-  if (jpeg.size() < 4 ||
-      tjDecompressHeader3(handle, jpeg.data(), static_cast<unsigned long>(jpeg.size()), &h.width, &h.height,
-                          &h.subsampling, &h.colorspace) != 0) {
+  if (jpeg.size() < 4 || tjDecompressHeader3(handle, jpeg.data(), static_cast<unsigned long>(jpeg.size()),
+                                             &h.width, &h.height, &h.subsampling, &h.colorspace) != 0) {
     return Fail(ErrorCode::kBadInput, std::string("not a JPEG: ") + tjGetErrorStr2(handle));
   }
   if (h.width < 1 || h.height < 1 || h.width > limits.max_width_px || h.height > limits.max_height_px ||
       std::int64_t{h.width} * h.height > limits.max_pixels) {
-    return Fail(ErrorCode::kBadInput, "JPEG of " + std::to_string(h.width) + " x " + std::to_string(h.height) +
-                                          " pixels is over the limit");
+    return Fail(ErrorCode::kBadInput, "JPEG of " + std::to_string(h.width) + " x " +
+                                          std::to_string(h.height) + " pixels is over the limit");
   }
   if (h.colorspace != TJCS_YCbCr && h.colorspace != TJCS_GRAY) {
     return Fail(ErrorCode::kBadInput, "JPEG is neither Y'CbCr nor grey");
@@ -84,8 +84,8 @@ Status JpegDecoder::Decode(std::span<const std::uint8_t> jpeg, YuvImage& image) 
     data[i] = plane.data;
     strides[i] = static_cast<int>(plane.step);
   }
-  if (tjDecompressToYUVPlanes(state_->handle, jpeg.data(), static_cast<unsigned long>(jpeg.size()), data, w, strides,
-                              h, TJFLAG_ACCURATEDCT) != 0) {
+  if (tjDecompressToYUVPlanes(state_->handle, jpeg.data(), static_cast<unsigned long>(jpeg.size()), data, w,
+                              strides, h, TJFLAG_ACCURATEDCT) != 0) {
     return Fail(ErrorCode::kBadInput, std::string("damaged JPEG: ") + tjGetErrorStr2(state_->handle));
   }
   if (count == 1) {
@@ -123,14 +123,15 @@ Status JpegEncoder::Encode(const YuvImage& image, int quality, std::vector<std::
   // The library reads whole chroma blocks: an odd picture is continued by its last row and column.
   const bool padded = subsampling != TJSAMP_444 && ((image.width() | image.height()) & 1) != 0;
   if (padded) {
-    cv::copyMakeBorder(image.y, state_->luma, 0, image.height() & 1, 0, image.width() & 1, cv::BORDER_REPLICATE);
+    cv::copyMakeBorder(image.y, state_->luma, 0, image.height() & 1, 0, image.width() & 1,
+                       cv::BORDER_REPLICATE);
   }
   const cv::Mat1b& luma = padded ? state_->luma : image.y;
   const unsigned char* planes[3] = {luma.data, image.cb.data, image.cr.data};
   const int strides[3] = {static_cast<int>(luma.step), static_cast<int>(image.cb.step),
                           static_cast<int>(image.cr.step)};
-  if (tjCompressFromYUVPlanes(state_->handle, planes, image.width(), strides, image.height(), subsampling, &out,
-                              &size, quality, TJFLAG_NOREALLOC) != 0) {
+  if (tjCompressFromYUVPlanes(state_->handle, planes, image.width(), strides, image.height(), subsampling,
+                              &out, &size, quality, TJFLAG_NOREALLOC) != 0) {
     return Fail(ErrorCode::kInternal, std::string("JPEG encoder: ") + tjGetErrorStr2(state_->handle));
   }
   jpeg.resize(size);

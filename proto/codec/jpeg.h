@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The gate that every JPEG from the network or a file passes (libjpeg-turbo behind it): sizes are read and capped
-// before a plane is allocated, damaged data is an error, never a half-grey picture.
+// The gate that every JPEG from the network or a file passes (libjpeg-turbo behind it): sizes are read and
+// capped before a plane is allocated, damaged data is an error, never a half-grey picture.
 #pragma once
 
 #include <cstdint>
@@ -35,9 +35,9 @@ class JpegDecoder {
   // Size of the picture, checked against the limits; decodes nothing.
   Result<Header> ReadHeader(std::span<const std::uint8_t> jpeg);
 
-  // Planes of the picture. 4:4:4, 4:2:2 and 4:2:0 stay as they are; grey, 4:4:0 and 4:1:1 become 4:4:4 or 4:2:0.
-  // `image` is (re)allocated as needed. Fails on any damage that libjpeg-turbo notices, also what it could repair:
-  // a picture that is half old is a silent wrong answer to the key.
+  // Planes of the picture. 4:4:4, 4:2:2 and 4:2:0 stay as they are; grey, 4:4:0 and 4:1:1 become 4:4:4 or
+  // 4:2:0. `image` is (re)allocated as needed. Fails on any damage that libjpeg-turbo notices, also what it
+  // could repair: a picture that is half old is a silent wrong answer to the key.
   Status Decode(std::span<const std::uint8_t> jpeg, YuvImage& image);
 
  private:

@@ -43,8 +43,8 @@ void YuvImage::Create(int width, int height, ChromaLayout chroma) {
   const int sx = ChromaShiftX(chroma);
   const int sy = ChromaShiftY(chroma);
   // libjpeg-turbo writes whole chroma blocks: an odd picture's luma plane is a part of an even one.
-  if (y.cols != width || y.rows != height || y.step < static_cast<std::size_t>(width + (width & 1)) ||
-      !y.u || y.datalimit < y.data + static_cast<std::size_t>(height + (height & 1)) * y.step) {
+  if (y.cols != width || y.rows != height || y.step < static_cast<std::size_t>(width + (width & 1)) || !y.u ||
+      y.datalimit < y.data + static_cast<std::size_t>(height + (height & 1)) * y.step) {
     y = cv::Mat1b(height + (height & 1), width + (width & 1))(cv::Rect(0, 0, width, height));
   }
   cb.create((height + sy) >> sy, (width + sx) >> sx);

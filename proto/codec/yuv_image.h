@@ -31,8 +31,8 @@ struct YuvImage {
   [[nodiscard]] int height() const { return y.rows; }
   [[nodiscard]] bool empty() const { return y.empty(); }
 
-  // (Re)allocates the planes; content undefined. Keeps buffers of the right size. Behind an odd width or height one
-  // more column or row of luma memory follows.
+  // (Re)allocates the planes; content undefined. Keeps buffers of the right size. Behind an odd width or
+  // height one more column or row of luma memory follows.
   void Create(int width, int height, ChromaLayout chroma);
 };
 

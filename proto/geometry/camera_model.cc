@@ -57,8 +57,8 @@ Eigen::Vector2d PinholeCamera::ProjectNormalised(const Eigen::Vector2d& p) const
 }
 
 double PinholeCamera::FoldRadiusSquared() const {
-  // d/dr (r g(r^2)) = g + 2 r^2 g' must stay positive, and g itself too (a pole of the rational model turns it);
-  // searched up to 84 degrees from the axis.
+  // d/dr (r g(r^2)) = g + 2 r^2 g' must stay positive, and g itself too (a pole of the rational model turns
+  // it); searched up to 84 degrees from the axis.
   constexpr double kLargest = 100.0;
   for (double r2 = 0.0; r2 < kLargest; r2 += 0.005 + 0.01 * r2) {
     const auto [g, dg] = RadialFactor(*this, r2);
@@ -109,8 +109,8 @@ cv::Mat2f UnprojectionTable(const PinholeCamera& camera) {
   for (int v = 0; v < camera.height; ++v) {
     for (int u = 0; u < camera.width; ++u) {
       const auto ray = camera.Unproject(Eigen::Vector2d(u, v));
-      table(v, u) = ray ? cv::Vec2f(static_cast<float>(ray->x()), static_cast<float>(ray->y()))
-                        : cv::Vec2f(kNan, kNan);
+      table(v, u) =
+          ray ? cv::Vec2f(static_cast<float>(ray->x()), static_cast<float>(ray->y())) : cv::Vec2f(kNan, kNan);
     }
   }
   return table;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Camera models: points of a camera's frame to pixels and back. algorithms: OpenCV's pinhole with the rational
-// distortion (k1..k6, p1, p2) and Kannala-Brandt for the fisheye (angles beyond 90 degrees from the axis).
+// Camera models: points of a camera's frame to pixels and back. algorithms: OpenCV's pinhole with the
+// rational distortion (k1..k6, p1, p2) and Kannala-Brandt for the fisheye (angles beyond 90 degrees from the
+// axis).
 #pragma once
 
 #include <Eigen/Core>
@@ -39,7 +40,8 @@ struct PinholeCamera {
 // [h x w] (x/z, y/z) of every pixel centre, NaN where a pixel has no ray. Computed once per camera.
 [[nodiscard]] cv::Mat2f UnprojectionTable(const PinholeCamera& camera);
 
-// Kannala-Brandt: r = f (theta + k1 theta^3 + k2 theta^5 + k3 theta^7 + k4 theta^9), theta = angle from the axis.
+// Kannala-Brandt: r = f (theta + k1 theta^3 + k2 theta^5 + k3 theta^7 + k4 theta^9), theta = angle from the
+// axis.
 struct FisheyeCamera {
   int width = 0, height = 0;  // px
   double fx = 0, fy = 0, cx = 0, cy = 0;

@@ -61,8 +61,8 @@ std::string TumLine(double timestamp_s, const RigidTransform& T) {
   const Eigen::Quaterniond q(T.linear());
   const Eigen::Vector3d t = T.translation();
   char line[200];
-  std::snprintf(line, sizeof line, "%.6f %.6f %.6f %.6f %.7f %.7f %.7f %.7f", timestamp_s, t.x(), t.y(), t.z(),
-                q.x(), q.y(), q.z(), q.w());
+  std::snprintf(line, sizeof line, "%.6f %.6f %.6f %.6f %.7f %.7f %.7f %.7f", timestamp_s, t.x(), t.y(),
+                t.z(), q.x(), q.y(), q.z(), q.w());
   return line;
 }
 

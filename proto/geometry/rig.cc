@@ -36,7 +36,8 @@ class Fields {
   Status Integer(const char* key, int& value) {
     double number = value;
     if (auto ok = Number(key, number); !ok) return ok;
-    if (number != std::floor(number) || std::abs(number) > 1e6) return Bad(key, "is not a small whole number");
+    if (number != std::floor(number) || std::abs(number) > 1e6)
+      return Bad(key, "is not a small whole number");
     value = static_cast<int>(number);
     return {};
   }
@@ -47,7 +48,8 @@ class Fields {
     const Json& j = object_.at(key);
     if (!j.is_array() || j.size() != N) return Bad(key, "is not a list of " + std::to_string(N) + " numbers");
     for (std::size_t i = 0; i < N; ++i) {
-      if (!j[i].is_number() || !std::isfinite(j[i].get<double>())) return Bad(key, "has a number that is not finite");
+      if (!j[i].is_number() || !std::isfinite(j[i].get<double>()))
+        return Bad(key, "has a number that is not finite");
       values[i] = j[i].get<double>();
     }
     return {};
@@ -124,7 +126,8 @@ Status ReadPinhole(Fields& f, PinholeCamera& c) {
 Status ReadColor(Fields& f, Rig& rig) {
   std::array<double, 2> vignetting{};
   bool present = false;
-  if (auto ok = All({ReadPinhole(f, rig.color), f.Numbers("vignetting", vignetting, present)}); !ok) return ok;
+  if (auto ok = All({ReadPinhole(f, rig.color), f.Numbers("vignetting", vignetting, present)}); !ok)
+    return ok;
   rig.vignetting_a = vignetting[0];
   rig.vignetting_b = vignetting[1];
   return Checked(rig.color, f);
@@ -135,18 +138,22 @@ Status ReadCurve(Fields& f, const char* key, std::vector<double>& values) {
   const Json& j = f.Raw(key);
   if (!j.is_array() || j.size() > 100'000) return f.Bad(key, "is not a list of at most 100000 numbers");
   for (const Json& v : j) {
-    if (!v.is_number() || !std::isfinite(v.get<double>())) return f.Bad(key, "has a number that is not finite");
+    if (!v.is_number() || !std::isfinite(v.get<double>()))
+      return f.Bad(key, "has a number that is not finite");
     values.push_back(v.get<double>());
   }
   return {};
 }
 
 Status ReadRangeError(Fields& f, RangeError& curve) {
-  if (auto ok = All({ReadCurve(f, "range_m", curve.range_m), ReadCurve(f, "error_m", curve.error_m)}); !ok) return ok;
-  if (curve.range_m.size() != curve.error_m.size()) return f.Bad("error_m", "has not as many numbers as range_m");
+  if (auto ok = All({ReadCurve(f, "range_m", curve.range_m), ReadCurve(f, "error_m", curve.error_m)}); !ok)
+    return ok;
+  if (curve.range_m.size() != curve.error_m.size())
+    return f.Bad("error_m", "has not as many numbers as range_m");
   for (std::size_t i = 1; i < curve.range_m.size(); ++i) {
     if (!(curve.range_m[i] > curve.range_m[i - 1])) return f.Bad("range_m", "does not rise");
-    if (!(std::abs(curve.error_m[i] - curve.error_m[i - 1]) < 0.9 * (curve.range_m[i] - curve.range_m[i - 1]))) {
+    if (!(std::abs(curve.error_m[i] - curve.error_m[i - 1]) <
+          0.9 * (curve.range_m[i] - curve.range_m[i - 1]))) {
       return f.Bad("error_m", "changes so fast that a reported range has no single true range");
     }
   }
@@ -170,7 +177,8 @@ Status ReadDepth(Fields& f, Rig& rig) {
     if (!(wrap > 0)) return f.Bad("unambiguous_range_m", "must be > 0 m");
     depth.unambiguous_range_m = wrap;
   }
-  if (auto ok = f.Object("range_error", [&](Fields& inner) { return ReadRangeError(inner, depth.range_error); });
+  if (auto ok =
+          f.Object("range_error", [&](Fields& inner) { return ReadRangeError(inner, depth.range_error); });
       !ok) {
     return ok;
   }
@@ -188,10 +196,10 @@ Status ReadDepth(Fields& f, Rig& rig) {
 Status ReadFisheye(Fields& f, Rig& rig) {
   FisheyeCamera c;
   double max_angle_deg = 95;
-  if (auto ok = All({ReadModelName(f, "kannala_brandt"), f.Integer("width", c.width), f.Integer("height", c.height),
-                     f.Number("fx", c.fx), f.Number("fy", c.fy), f.Number("cx", c.cx), f.Number("cy", c.cy),
-                     f.Number("k1", c.k1), f.Number("k2", c.k2), f.Number("k3", c.k3), f.Number("k4", c.k4),
-                     f.Number("max_angle_deg", max_angle_deg)});
+  if (auto ok = All({ReadModelName(f, "kannala_brandt"), f.Integer("width", c.width),
+                     f.Integer("height", c.height), f.Number("fx", c.fx), f.Number("fy", c.fy),
+                     f.Number("cx", c.cx), f.Number("cy", c.cy), f.Number("k1", c.k1), f.Number("k2", c.k2),
+                     f.Number("k3", c.k3), f.Number("k4", c.k4), f.Number("max_angle_deg", max_angle_deg)});
       !ok) {
     return ok;
   }
@@ -206,7 +214,8 @@ Status ReadAxis(Fields& f, PanTilt::Axis& axis) {
   std::array<double, 3> point{};
   bool has_direction = false;
   bool has_point = false;
-  if (auto ok = All({f.Numbers("direction", direction, has_direction), f.Numbers("point", point, has_point)}); !ok) {
+  if (auto ok = All({f.Numbers("direction", direction, has_direction), f.Numbers("point", point, has_point)});
+      !ok) {
     return ok;
   }
   const Eigen::Vector3d d(direction[0], direction[1], direction[2]);
@@ -280,7 +289,8 @@ Result<LoadedRig> ParseRig(const std::string& text) {
   if (auto ok = f.Integer("version", version); !ok) return tl::unexpected(ok.error());
   if (version != 1) return Fail(ErrorCode::kBadInput, "version " + std::to_string(version) + " is not 1");
   if (f.Has("registered")) {
-    if (!f.Raw("registered").is_boolean()) return Fail(ErrorCode::kBadInput, "registered is not true or false");
+    if (!f.Raw("registered").is_boolean())
+      return Fail(ErrorCode::kBadInput, "registered is not true or false");
     rig.registered = f.Raw("registered").get<bool>();
   }
   (void)f.Has("note");

@@ -33,8 +33,8 @@ struct RangeError {
 struct DepthCamera {
   PinholeCamera camera;
   DepthMeasure measures = DepthMeasure::kRange;
-  double unit_m = 0.001;                        // metres per count of the 16-bit picture
-  std::optional<double> unambiguous_range_m;    // reported ranges are wrapped at it; nothing = no wrap
+  double unit_m = 0.001;                      // metres per count of the 16-bit picture
+  std::optional<double> unambiguous_range_m;  // reported ranges are wrapped at it; nothing = no wrap
   RangeError range_error;
 };
 
@@ -73,7 +73,8 @@ struct LoadedRig {
 Result<LoadedRig> ParseRig(const std::string& json_text);
 Result<LoadedRig> LoadRig(const std::filesystem::path& file);
 
-// What is assumed where a take has no rig.json: registered depth, fx = fy = 0.9 x width, centre of the picture.
+// What is assumed where a take has no rig.json: registered depth, fx = fy = 0.9 x width, centre of the
+// picture.
 Rig AssumedRig(int color_width, int color_height, double depth_unit_m);
 
 }  // namespace mixstage

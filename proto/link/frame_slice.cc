@@ -9,7 +9,8 @@
 
 namespace mixstage {
 
-void CutIntoSlices(const EncodedFrame& frame, const std::function<void(const mixstage_lcm::frame_slice_t&)>& send) {
+void CutIntoSlices(const EncodedFrame& frame,
+                   const std::function<void(const mixstage_lcm::frame_slice_t&)>& send) {
   MIX_CHECK(!frame.bytes.empty() && frame.bytes.size() <= static_cast<std::size_t>(kMaxFrameBytes));
   MIX_CHECK(frame.width >= 1 && frame.height >= 1 && std::max(frame.width, frame.height) <= kMaxPictureSide);
   mixstage_lcm::frame_slice_t slice{};
@@ -23,7 +24,8 @@ void CutIntoSlices(const EncodedFrame& frame, const std::function<void(const mix
   slice.stream = static_cast<std::int8_t>(frame.stream);
   slice.encoding = static_cast<std::int8_t>(frame.encoding);
   slice.slice_bytes = kSlicePayloadBytes;
-  slice.data_slices = static_cast<std::int16_t>((slice.frame_bytes + kSlicePayloadBytes - 1) / kSlicePayloadBytes);
+  slice.data_slices =
+      static_cast<std::int16_t>((slice.frame_bytes + kSlicePayloadBytes - 1) / kSlicePayloadBytes);
   for (int i = 0; i < slice.data_slices; ++i) {
     slice.slice = static_cast<std::int16_t>(i);
     const std::size_t begin = static_cast<std::size_t>(i) * kSlicePayloadBytes;
@@ -35,7 +37,9 @@ void CutIntoSlices(const EncodedFrame& frame, const std::function<void(const mix
 }
 
 Status ValidateSlice(const mixstage_lcm::frame_slice_t& s) {
-  auto bad = [](const char* field) { return Fail(ErrorCode::kBadInput, std::string("slice field ") + field); };
+  auto bad = [](const char* field) {
+    return Fail(ErrorCode::kBadInput, std::string("slice field ") + field);
+  };
   if (s.epoch == 0) return bad("epoch");
   if (s.sequence < 0) return bad("sequence");
   if (s.frame_bytes < 1 || s.frame_bytes > kMaxFrameBytes) return bad("frame_bytes");
@@ -46,7 +50,8 @@ Status ValidateSlice(const mixstage_lcm::frame_slice_t& s) {
   if (s.parity_slices < 0 || s.parity_slices > s.data_slices) return bad("parity_slices");
   if (s.slice < 0 || s.slice >= s.data_slices + s.parity_slices) return bad("slice");
   if (s.stream < 1 || s.stream > 4) return bad("stream");
-  const bool color = s.stream == static_cast<int>(Stream::kColor) || s.stream == static_cast<int>(Stream::kFisheye);
+  const bool color =
+      s.stream == static_cast<int>(Stream::kColor) || s.stream == static_cast<int>(Stream::kFisheye);
   if (s.encoding != static_cast<int>(color ? Encoding::kJpeg : Encoding::kDepth16)) return bad("encoding");
   return {};
 }

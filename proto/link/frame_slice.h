@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// An encoded picture as datagrams and back (SPEC.md 2.2). A lost fragment of one large LCM message loses the whole
-// message and its buffers; slices of one datagram each do not.
+// An encoded picture as datagrams and back (SPEC.md 2.2). A lost fragment of one large LCM message loses the
+// whole message and its buffers; slices of one datagram each do not.
 #pragma once
 
 #include <cstdint>
@@ -34,7 +34,8 @@ struct EncodedFrame {
 
 // Cuts a picture into slices, in order, and hands each to `send`. The slice is reused between calls.
 // A picture that is empty or over the limits is a caller's bug (checked).
-void CutIntoSlices(const EncodedFrame& frame, const std::function<void(const mixstage_lcm::frame_slice_t&)>& send);
+void CutIntoSlices(const EncodedFrame& frame,
+                   const std::function<void(const mixstage_lcm::frame_slice_t&)>& send);
 
 // What a slice from the network must satisfy before any field is used; names the first field that does not.
 Status ValidateSlice(const mixstage_lcm::frame_slice_t& slice);

@@ -22,7 +22,8 @@ constexpr const char* kSelfTestChannel = "MIXSTAGE_SELF_TEST";
 constexpr int kSelfTestTimeoutMs = 1000;
 constexpr int kMaxMessagesPerWait = 4096;  // so that a flood cannot keep HandleFor from returning
 constexpr const char* kRouteFix =
-    "give multicast a route: ip link set lo up && ip link set lo multicast on && ip route add 224.0.0.0/4 dev lo";
+    "give multicast a route: ip link set lo up && ip link set lo multicast on && ip route add 224.0.0.0/4 "
+    "dev lo";
 
 // The receive buffer that the URL asks for; 0 when it asks for none.
 long RequestedReceiveBuffer(const std::string& url) {
@@ -77,9 +78,15 @@ Result<std::unique_ptr<LcmLink>> LcmLink::Create(const std::string& url) {
 
 LcmLink::~LcmLink() = default;
 
-bool LcmLink::Publish(const mixstage_lcm::frame_slice_t& m) { return PublishMessage(state_->lcm, kSliceChannel, m); }
-bool LcmLink::Publish(const mixstage_lcm::head_angles_t& m) { return PublishMessage(state_->lcm, kHeadChannel, m); }
-bool LcmLink::Publish(const mixstage_lcm::agent_health_t& m) { return PublishMessage(state_->lcm, kHealthChannel, m); }
+bool LcmLink::Publish(const mixstage_lcm::frame_slice_t& m) {
+  return PublishMessage(state_->lcm, kSliceChannel, m);
+}
+bool LcmLink::Publish(const mixstage_lcm::head_angles_t& m) {
+  return PublishMessage(state_->lcm, kHeadChannel, m);
+}
+bool LcmLink::Publish(const mixstage_lcm::agent_health_t& m) {
+  return PublishMessage(state_->lcm, kHealthChannel, m);
+}
 
 void LcmLink::Subscribe(Handlers handlers) {
   State& s = *state_;
@@ -147,9 +154,10 @@ Result<std::vector<std::string>> LcmLink::SelfTest() {
   long granted_max = 0;
   std::ifstream("/proc/sys/net/core/rmem_max") >> granted_max;
   if (requested > granted_max && granted_max > 0) {
-    warnings.push_back("the kernel cuts the receive buffer from " + std::to_string(requested) + " to " +
-                       std::to_string(granted_max) + " bytes, bursts will be lost: sysctl -w net.core.rmem_max=" +
-                       std::to_string(requested));
+    warnings.push_back(
+        "the kernel cuts the receive buffer from " + std::to_string(requested) + " to " +
+        std::to_string(granted_max) +
+        " bytes, bursts will be lost: sysctl -w net.core.rmem_max=" + std::to_string(requested));
   }
   return warnings;
 }

@@ -16,13 +16,14 @@
 
 namespace mixstage {
 
-// Multicast on this host only (ttl 0), with room for a burst of two seconds of pictures. "memq://" stays inside
-// the process (tests).
+// Multicast on this host only (ttl 0), with room for a burst of two seconds of pictures. "memq://" stays
+// inside the process (tests).
 inline constexpr const char* kDefaultLcmUrl = "udpm://239.255.76.67:7667?ttl=0&recv_buf_size=4194304";
 
 class LcmLink {
  public:
-  // Fails (kUnavailable) when the URL is wrong or the machine has no multicast route; the message names the fix.
+  // Fails (kUnavailable) when the URL is wrong or the machine has no multicast route; the message names the
+  // fix.
   static Result<std::unique_ptr<LcmLink>> Create(const std::string& url);
   ~LcmLink();
   LcmLink(const LcmLink&) = delete;
@@ -33,8 +34,8 @@ class LcmLink {
   bool Publish(const mixstage_lcm::head_angles_t& angles);
   bool Publish(const mixstage_lcm::agent_health_t& health);
 
-  // Receiving: one thread, which sets the handlers and then calls HandleFor in a loop. Messages that LCM cannot
-  // decode (wrong type or length) are counted, not handed over.
+  // Receiving: one thread, which sets the handlers and then calls HandleFor in a loop. Messages that LCM
+  // cannot decode (wrong type or length) are counted, not handed over.
   struct Handlers {
     std::function<void(const mixstage_lcm::frame_slice_t&)> on_slice;
     std::function<void(const mixstage_lcm::head_angles_t&)> on_head;
@@ -45,8 +46,8 @@ class LcmLink {
   void HandleFor(int timeout_ms);
   [[nodiscard]] std::int64_t undecodable() const;
 
-  // Sends itself a message and waits for it; fails with what to do when none comes. Returns warnings (a receive
-  // buffer that the kernel cut) otherwise. Before Subscribe.
+  // Sends itself a message and waits for it; fails with what to do when none comes. Returns warnings (a
+  // receive buffer that the kernel cut) otherwise. Before Subscribe.
   Result<std::vector<std::string>> SelfTest();
 
  private:

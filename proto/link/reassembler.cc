@@ -51,7 +51,8 @@ std::optional<EncodedFrame> Reassembler::Add(const mixstage_lcm::frame_slice_t& 
   }
   frame->have[index] = true;
   const std::size_t begin = index * static_cast<std::size_t>(slice.slice_bytes);
-  const std::size_t count = std::min(static_cast<std::size_t>(slice.slice_bytes), frame->bytes.size() - begin);
+  const std::size_t count =
+      std::min(static_cast<std::size_t>(slice.slice_bytes), frame->bytes.size() - begin);
   std::memcpy(frame->bytes.data() + begin, slice.payload, count);
   if (--frame->missing > 0) return std::nullopt;
   return Finish(stream, *frame);
@@ -61,9 +62,9 @@ Reassembler::Source* Reassembler::FindSource(std::int64_t epoch, std::int64_t no
   auto found = sources_.find(epoch);
   if (found == sources_.end()) {
     if (static_cast<int>(sources_.size()) >= kMaxSources) {
-      const auto quietest = std::min_element(sources_.begin(), sources_.end(), [](const auto& a, const auto& b) {
-        return a.second.last_heard_us < b.second.last_heard_us;
-      });
+      const auto quietest = std::min_element(
+          sources_.begin(), sources_.end(),
+          [](const auto& a, const auto& b) { return a.second.last_heard_us < b.second.last_heard_us; });
       if (now_us - quietest->second.last_heard_us < kSourceSilenceUs) return nullptr;
       for (StreamState& stream : quietest->second.streams) {
         while (!stream.open.empty()) GiveUpOldest(stream);
@@ -76,7 +77,8 @@ Reassembler::Source* Reassembler::FindSource(std::int64_t epoch, std::int64_t no
   return &found->second;
 }
 
-Reassembler::OpenFrame* Reassembler::FindFrame(StreamState& stream, const mixstage_lcm::frame_slice_t& slice) {
+Reassembler::OpenFrame* Reassembler::FindFrame(StreamState& stream,
+                                               const mixstage_lcm::frame_slice_t& slice) {
   if (auto found = stream.open.find(slice.sequence); found != stream.open.end()) return &found->second;
   while (static_cast<int>(stream.open.size()) >= kMaxOpenFrames) {
     // Older than everything that is being put together: it would be the next to be given up anyway.

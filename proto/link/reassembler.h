@@ -11,9 +11,9 @@
 
 namespace mixstage {
 
-// Slices to whole pictures, with a memory that is bounded whatever arrives: at most kMaxSources (epochs), per source
-// and stream at most kMaxOpenFrames pictures in the making of at most kMaxFrameBytes each, all together at most
-// kMaxOpenBytes. A picture is delivered once, only when its CRC-32C fits. One thread.
+// Slices to whole pictures, with a memory that is bounded whatever arrives: at most kMaxSources (epochs), per
+// source and stream at most kMaxOpenFrames pictures in the making of at most kMaxFrameBytes each, all
+// together at most kMaxOpenBytes. A picture is delivered once, only when its CRC-32C fits. One thread.
 class Reassembler {
  public:
   static constexpr int kMaxSources = 8;
@@ -22,9 +22,9 @@ class Reassembler {
   static constexpr std::int64_t kSourceSilenceUs = 5'000'000;  // then its place may be taken by another
 
   struct Counters {
-    std::int64_t slices = 0;           // all that arrived
-    std::int64_t frames = 0;           // delivered
-    std::int64_t bad_slice = 0;        // refused by ValidateSlice, or contradicting the picture they belong to
+    std::int64_t slices = 0;     // all that arrived
+    std::int64_t frames = 0;     // delivered
+    std::int64_t bad_slice = 0;  // refused by ValidateSlice, or contradicting the picture they belong to
     std::int64_t duplicate_slice = 0;  // seen before
     std::int64_t late_slice = 0;       // of a picture that is delivered or given up
     std::int64_t parity_slice = 0;     // parity, not used yet

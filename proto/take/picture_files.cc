@@ -18,10 +18,11 @@ constexpr std::int64_t kMaxPixels = 34'000'000;
 // Width and height of a PNG's IHDR, which is always its first chunk.
 std::optional<PictureSize> PngSize(std::span<const std::uint8_t> bytes) {
   constexpr std::array<std::uint8_t, 8> kSignature = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n'};
-  if (bytes.size() < 33 || !std::equal(kSignature.begin(), kSignature.end(), bytes.begin())) return std::nullopt;
+  if (bytes.size() < 33 || !std::equal(kSignature.begin(), kSignature.end(), bytes.begin()))
+    return std::nullopt;
   auto big_endian = [&](std::size_t at) {
-    return std::uint32_t{bytes[at]} << 24 | std::uint32_t{bytes[at + 1]} << 16 | std::uint32_t{bytes[at + 2]} << 8 |
-           bytes[at + 3];
+    return std::uint32_t{bytes[at]} << 24 | std::uint32_t{bytes[at + 1]} << 16 |
+           std::uint32_t{bytes[at + 2]} << 8 | bytes[at + 3];
   };
   const std::uint32_t width = big_endian(16);
   const std::uint32_t height = big_endian(20);
@@ -34,8 +35,8 @@ Result<PictureSize> CheckedPngSize(std::span<const std::uint8_t> bytes) {
   if (!size) return Fail(ErrorCode::kBadInput, "is neither JPEG nor PNG");
   if (size->width < 1 || size->height < 1 || size->width > kMaxSide || size->height > kMaxSide ||
       std::int64_t{size->width} * size->height > kMaxPixels) {
-    return Fail(ErrorCode::kBadInput, "is of " + std::to_string(size->width) + " x " + std::to_string(size->height) +
-                                          " pixels, over the limit");
+    return Fail(ErrorCode::kBadInput, "is of " + std::to_string(size->width) + " x " +
+                                          std::to_string(size->height) + " pixels, over the limit");
   }
   return *size;
 }
@@ -89,7 +90,8 @@ Status LoadDepth16(const fs::path& file, cv::Mat1w& picture) {
   if (!bytes) return Within(file.string(), bytes.error());
   auto decoded = DecodePng(*bytes, cv::IMREAD_UNCHANGED);
   if (!decoded) return Within(file.string(), decoded.error());
-  if (decoded->type() != CV_16UC1) return Fail(ErrorCode::kBadInput, file.string() + ": is not a 16-bit grey PNG");
+  if (decoded->type() != CV_16UC1)
+    return Fail(ErrorCode::kBadInput, file.string() + ": is not a 16-bit grey PNG");
   picture = *decoded;
   return {};
 }

@@ -44,7 +44,8 @@ Status AppendRising(std::vector<Entry>& entries, Entry entry) {
 }
 
 bool LeavesTheFolder(const fs::path& relative) {
-  return relative.is_absolute() || std::any_of(relative.begin(), relative.end(), [](const fs::path& p) { return p == ".."; });
+  return relative.is_absolute() ||
+         std::any_of(relative.begin(), relative.end(), [](const fs::path& p) { return p == ".."; });
 }
 
 Status ReadPictureList(Take& take, const char* name, std::vector<TakeEntry>& entries) {
@@ -56,7 +57,8 @@ Status ReadPictureList(Take& take, const char* name, std::vector<TakeEntry>& ent
     TakeEntry entry;
     std::string relative;
     if (!(fields >> entry.t_s >> relative)) return Fail(ErrorCode::kBadInput, "is not \"timestamp file\"");
-    if (LeavesTheFolder(relative)) return Fail(ErrorCode::kBadInput, relative + " leads out of the take's folder");
+    if (LeavesTheFolder(relative))
+      return Fail(ErrorCode::kBadInput, relative + " leads out of the take's folder");
     entry.file = take.folder / relative;
     std::error_code ignored;
     if (!fs::is_regular_file(entry.file, ignored)) {
@@ -67,8 +69,8 @@ Status ReadPictureList(Take& take, const char* name, std::vector<TakeEntry>& ent
   };
   if (auto ok = ForEachLine(list, read); !ok) return ok;
   if (missing > 0) {
-    take.warnings.push_back(list.string() + ": " + std::to_string(missing) + " listed files are missing, the first is " +
-                            first_missing);
+    take.warnings.push_back(list.string() + ": " + std::to_string(missing) +
+                            " listed files are missing, the first is " + first_missing);
   }
   return {};
 }
@@ -86,8 +88,8 @@ Status ReadHead(Take& take) {
   });
 }
 
-// A folder straight from the TUM RGB-D benchmark: its lists name the .bag they come from, or the accelerometer's
-// record lies beside them.
+// A folder straight from the TUM RGB-D benchmark: its lists name the .bag they come from, or the
+// accelerometer's record lies beside them.
 bool IsTumBenchmarkFolder(const fs::path& folder) {
   if (fs::exists(folder / "accelerometer.txt")) return true;
   for (const char* name : {"rgb.txt", "depth.txt"}) {
@@ -106,17 +108,21 @@ Result<Take> OpenTake(const fs::path& folder) {
   Take take;
   take.folder = folder;
   std::error_code ignored;
-  if (!fs::is_directory(folder, ignored)) return Fail(ErrorCode::kBadInput, folder.string() + ": is not a folder");
+  if (!fs::is_directory(folder, ignored))
+    return Fail(ErrorCode::kBadInput, folder.string() + ": is not a folder");
   if (!fs::exists(folder / "rgb.txt")) {
-    return Fail(ErrorCode::kBadInput, (folder / "rgb.txt").string() + ": is missing (a take lists its colour pictures there)");
+    return Fail(ErrorCode::kBadInput,
+                (folder / "rgb.txt").string() + ": is missing (a take lists its colour pictures there)");
   }
-  for (auto [name, entries] : {std::pair{"rgb.txt", &take.color}, std::pair{"depth.txt", &take.depth},
-                               std::pair{"amplitude.txt", &take.amplitude}, std::pair{"fisheye.txt", &take.fisheye}}) {
+  for (auto [name, entries] :
+       {std::pair{"rgb.txt", &take.color}, std::pair{"depth.txt", &take.depth},
+        std::pair{"amplitude.txt", &take.amplitude}, std::pair{"fisheye.txt", &take.fisheye}}) {
     if (auto ok = ReadPictureList(take, name, *entries); !ok) return tl::unexpected(ok.error());
   }
   if (auto ok = ReadHead(take); !ok) return tl::unexpected(ok.error());
   if (take.color.empty()) {
-    return Fail(ErrorCode::kBadInput, (folder / "rgb.txt").string() + ": lists no colour picture that exists");
+    return Fail(ErrorCode::kBadInput,
+                (folder / "rgb.txt").string() + ": lists no colour picture that exists");
   }
   if (fs::exists(folder / "clean_plate" / "rgb.txt")) take.clean_plate = folder / "clean_plate";
   if (IsTumBenchmarkFolder(folder)) take.assumed_depth_unit_m = kTumBenchmarkUnitM;
@@ -149,7 +155,8 @@ Result<LoadedRig> RigOfTake(const Take& take, const RigChoice& choice) {
     file = *choice.rig_file;
   } else if (fs::exists(take.folder / "rig.json")) {
     file = take.folder / "rig.json";
-  } else if (const fs::path up = fs::absolute(take.folder).lexically_normal() / ".." / "rig.json"; fs::exists(up)) {
+  } else if (const fs::path up = fs::absolute(take.folder).lexically_normal() / ".." / "rig.json";
+             fs::exists(up)) {
     file = up.lexically_normal();
   }
   LoadedRig loaded;
@@ -157,8 +164,9 @@ Result<LoadedRig> RigOfTake(const Take& take, const RigChoice& choice) {
     const double unit_m = choice.depth_unit_m.value_or(take.assumed_depth_unit_m);
     loaded.rig = AssumedRig(size->width, size->height, unit_m);
     std::ostringstream text;
-    text << "no rig.json: assuming depth registered to colour, " << unit_m << " m per count, fx = fy = "
-         << loaded.rig.color.fx << " px, principal point in the picture's centre";
+    text << "no rig.json: assuming depth registered to colour, " << unit_m
+         << " m per count, fx = fy = " << loaded.rig.color.fx
+         << " px, principal point in the picture's centre";
     loaded.warnings.push_back(text.str());
   } else {
     auto read = LoadRig(file);

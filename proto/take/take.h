@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Capture folders ("takes"): the TUM RGB-D layout, extended (SPEC.md 5). Reading only lists; pictures are loaded by
-// picture_files.h when their turn comes.
+// Capture folders ("takes"): the TUM RGB-D layout, extended (SPEC.md 5). Reading only lists; pictures are
+// loaded by picture_files.h when their turn comes.
 #pragma once
 
 #include <filesystem>
@@ -35,12 +35,14 @@ struct Take {
   std::vector<TakeEntry> color, depth, amplitude, fisheye;  // times rise; color is never empty
   std::vector<HeadSample> head;                             // ptu.txt, times rise
   std::optional<std::filesystem::path> clean_plate;         // folder/clean_plate, when it is there
-  double assumed_depth_unit_m = 0.001;  // where no rig.json says it: 0.0002 for the TUM benchmark's own folders
-  std::vector<std::string> warnings;    // lines and files that were left out, by name
+  double assumed_depth_unit_m =
+      0.001;                          // where no rig.json says it: 0.0002 for the TUM benchmark's own folders
+  std::vector<std::string> warnings;  // lines and files that were left out, by name
 };
 
-// Fails when the folder or rgb.txt is missing, a line is no "timestamp file", times do not rise, or nothing is left.
-// A listed file that is missing is left out with a warning; a path that leaves the folder is an error.
+// Fails when the folder or rgb.txt is missing, a line is no "timestamp file", times do not rise, or nothing
+// is left. A listed file that is missing is left out with a warning; a path that leaves the folder is an
+// error.
 Result<Take> OpenTake(const std::filesystem::path& folder);
 
 // A trajectory file "timestamp tx ty tz qx qy qz qw" (T_world_color).
@@ -51,8 +53,8 @@ struct RigChoice {
   std::optional<double> depth_unit_m;             // --depth-unit-m
 };
 
-// The rig of a take; assumed (with a warning that says what) where there is no rig.json. Fails when the colour
-// pictures are not of the size the rig states.
+// The rig of a take; assumed (with a warning that says what) where there is no rig.json. Fails when the
+// colour pictures are not of the size the rig states.
 Result<LoadedRig> RigOfTake(const Take& take, const RigChoice& choice);
 
 }  // namespace mixstage

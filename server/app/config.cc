@@ -74,8 +74,10 @@ Status ReadAll(YamlFields& f, const std::string& place, const fs::path& folder, 
   if (auto ok = ReadSection(f, "background", place, background); !ok) return ok;
   if (auto ok = f.Text("listen", c.listen); !ok) return ok;
   if (auto ok = ReadPath(f, "page", folder, c.page); !ok) return ok;
-  if (auto ok = ReadSection(f, "color", place, [&](YamlFields& s) { return ReadEncoder(s, c.color); }); !ok) return ok;
-  if (auto ok = ReadSection(f, "depth", place, [&](YamlFields& s) { return ReadEncoder(s, c.depth); }); !ok) return ok;
+  if (auto ok = ReadSection(f, "color", place, [&](YamlFields& s) { return ReadEncoder(s, c.color); }); !ok)
+    return ok;
+  if (auto ok = ReadSection(f, "depth", place, [&](YamlFields& s) { return ReadEncoder(s, c.depth); }); !ok)
+    return ok;
   return f.CheckAllKnown();
 }
 

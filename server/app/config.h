@@ -12,13 +12,13 @@
 
 namespace mixstage {
 
-// studio.yaml: the configuration of `run`. deploy/studio.yaml is its documentation: every key with its default.
-// Relative paths are relative to the file.
+// studio.yaml: the configuration of `run`. deploy/studio.yaml is its documentation: every key with its
+// default. Relative paths are relative to the file.
 struct StudioConfig {
   std::string name = "studio-1";
   std::string lcm_url = kDefaultLcmUrl;
-  std::filesystem::path rig;    // rig.json
-  std::filesystem::path scene;  // scene.yaml; empty = no CG
+  std::filesystem::path rig;          // rig.json
+  std::filesystem::path scene;        // scene.yaml; empty = no CG
   std::filesystem::path clean_plate;  // a take of the empty set; empty = learn it live
   int learn_frames = 30;              // L of piVE eq (1)
   std::string listen = "127.0.0.1:8080";

@@ -13,7 +13,8 @@ namespace {
 constexpr int kSpreadSamples = 40;
 constexpr int kFewestStillFrames = 5;
 
-// Feeds pictures of a take to an estimator. A depth picture goes in once, with the first colour picture it belongs to.
+// Feeds pictures of a take to an estimator. A depth picture goes in once, with the first colour picture it
+// belongs to.
 class Feeder {
  public:
   Feeder(const Take& take, Studio& studio, std::vector<std::string>& warnings)
@@ -48,7 +49,8 @@ Result<LearntRoom> Learnt(Result<BackgroundModel> model, RoomState state, std::s
 
 }  // namespace
 
-Result<LearntRoom> LearnFromCleanPlate(const Take& plate, Studio& studio, std::vector<std::string>& warnings) {
+Result<LearntRoom> LearnFromCleanPlate(const Take& plate, Studio& studio,
+                                       std::vector<std::string>& warnings) {
   auto estimator = BackgroundEstimator::Create({}, studio.rig().color.width, studio.rig().color.height);
   if (!estimator) return tl::unexpected(estimator.error());
   Feeder feeder(plate, studio, warnings);
@@ -57,9 +59,12 @@ Result<LearntRoom> LearnFromCleanPlate(const Take& plate, Studio& studio, std::v
     return Fail(ErrorCode::kBadInput, plate.folder.string() + ": no picture of the clean plate can be used");
   }
   const std::string frames = std::to_string(estimator->size()) + " frames";
-  // A plate that was not quite empty (somebody passed, a car on the road) still shows the set most of the time.
+  // A plate that was not quite empty (somebody passed, a car on the road) still shows the set most of the
+  // time.
   if (!estimator->IsStill()) {
-    warnings.push_back(plate.folder.string() + ": the clean plate does not stand still; what it shows most is taken as the empty set");
+    warnings.push_back(
+        plate.folder.string() +
+        ": the clean plate does not stand still; what it shows most is taken as the empty set");
     if (auto robust = estimator->EstimateRobust()) {
       return Learnt(std::move(robust), RoomState::kKnown, "clean plate that is not still, " + frames);
     }
@@ -67,7 +72,8 @@ Result<LearntRoom> LearnFromCleanPlate(const Take& plate, Studio& studio, std::v
   return Learnt(estimator->EstimateEmpty(), RoomState::kKnown, "clean plate, " + frames);
 }
 
-Result<LearntRoom> LearnFromTake(const Take& take, int learn_frames, Studio& studio, std::vector<std::string>& warnings) {
+Result<LearntRoom> LearnFromTake(const Take& take, int learn_frames, Studio& studio,
+                                 std::vector<std::string>& warnings) {
   const int width = studio.rig().color.width;
   const int height = studio.rig().color.height;
   Feeder feeder(take, studio, warnings);
@@ -80,20 +86,23 @@ Result<LearntRoom> LearnFromTake(const Take& take, int learn_frames, Studio& stu
   auto robust = spread->EstimateRobust();
   if (!robust) {
     // Too few frames for statistics over time: what there is must serve as the empty set.
-    warnings.push_back("the take is too short to learn the empty set from: its first frame is taken as empty");
+    warnings.push_back(
+        "the take is too short to learn the empty set from: its first frame is taken as empty");
     auto first = BackgroundEstimator::Create({}, width, height);
     if (!first) return tl::unexpected(first.error());
     feeder.Feed(0, *first);
     return Learnt(first->EstimateEmpty(), RoomState::kEstimated, "first frame");
   }
   // The longest still beginning, L frames at most.
-  for (const int length : std::array{learn_frames, learn_frames * 2 / 3, learn_frames / 2, learn_frames / 3, kFewestStillFrames}) {
+  for (const int length : std::array{learn_frames, learn_frames * 2 / 3, learn_frames / 2, learn_frames / 3,
+                                     kFewestStillFrames}) {
     if (length < kFewestStillFrames || length > feeder.frames()) continue;
     auto first = BackgroundEstimator::Create({.max_samples = length}, width, height);
     if (!first) return tl::unexpected(first.error());
     for (int i = 0; i < length; ++i) feeder.Feed(i, *first);
     if (first->IsStill() && first->Agrees(*robust)) {
-      return Learnt(first->EstimateEmpty(), RoomState::kKnown, "first " + std::to_string(length) + " frames, empty");
+      return Learnt(first->EstimateEmpty(), RoomState::kKnown,
+                    "first " + std::to_string(length) + " frames, empty");
     }
   }
   return Learnt(std::move(robust), RoomState::kEstimated,

@@ -113,15 +113,18 @@ int Check(const CheckFlags& f) {
   if (!f.rig.empty()) {
     auto rig = LoadRig(f.rig);
     if (!rig) return Report(rig.error());
-    for (const std::string& warning : rig->warnings) std::printf("%s: warning: %s\n", f.rig.c_str(), warning.c_str());
-    std::printf("%s: good: colour %d x %d px, depth %s, pan-tilt unit %s\n", f.rig.c_str(), rig->rig.color.width,
-                rig->rig.color.height, rig->rig.depth ? "yes" : "no", rig->rig.ptu ? "yes" : "no");
+    for (const std::string& warning : rig->warnings)
+      std::printf("%s: warning: %s\n", f.rig.c_str(), warning.c_str());
+    std::printf("%s: good: colour %d x %d px, depth %s, pan-tilt unit %s\n", f.rig.c_str(),
+                rig->rig.color.width, rig->rig.color.height, rig->rig.depth ? "yes" : "no",
+                rig->rig.ptu ? "yes" : "no");
   }
   if (!f.scene.empty()) {
     auto scene = LoadScene(f.scene);
     if (!scene) return Report(scene.error());
     for (const std::string& warning : scene->warnings) std::printf("warning: %s\n", warning.c_str());
-    std::printf("%s: good: %zu objects, %zu lights\n", f.scene.c_str(), scene->scene.objects.size(), scene->scene.lights.size());
+    std::printf("%s: good: %zu objects, %zu lights\n", f.scene.c_str(), scene->scene.objects.size(),
+                scene->scene.lights.size());
   }
   if (!f.config.empty()) {
     auto config = LoadStudioConfig(f.config);
@@ -152,31 +155,43 @@ int main(int argc, char** argv) {
   run_command->add_option("--config", run.config, "studio.yaml; what follows overrides it");
   run_command->add_option("--rig", run.rig, "rig.json: the cameras; or a take, whose cameras they are");
   run_command->add_option("--scene", run.scene, "scene.yaml: virtual objects");
-  run_command->add_option("--clean-plate", run.clean_plate, "capture folder of the empty set (default: learn it live)");
+  run_command->add_option("--clean-plate", run.clean_plate,
+                          "capture folder of the empty set (default: learn it live)");
   run_command->add_option("--listen", run.listen, "ADDRESS:PORT, loopback only (default 127.0.0.1:8080)");
   run_command->add_option("--lcm", run.lcm, "LCM URL");
   run_command->add_option("--page", run.page, "folder of the built page");
   run_command->add_flag("--check-config", run.check, "read and check everything, then end");
   run_command->add_flag("--print-config", run.print, "print the configuration in force, then end");
-  run_command->footer("Example: mixstage-server run --rig rig.json --scene scene.yaml --listen 127.0.0.1:8080");
+  run_command->footer(
+      "Example: mixstage-server run --rig rig.json --scene scene.yaml --listen 127.0.0.1:8080");
 
   ProcessFlags process;
-  CLI::App* process_command = app.add_subcommand("process", "the same show from a recording, every layer exported");
+  CLI::App* process_command =
+      app.add_subcommand("process", "the same show from a recording, every layer exported");
   process_command->add_option("--take", process.take, "capture folder (TUM RGB-D layout)")->required();
   process_command->add_option("--out", process.out, "folder to write to")->required();
   process_command->add_option("--rig", process.rig, "rig.json (default: the take's, or the one a folder up)");
-  process_command->add_option("--clean-plate", process.clean_plate, "capture folder of the empty set, or none (default: TAKE/clean_plate)");
+  process_command->add_option("--clean-plate", process.clean_plate,
+                              "capture folder of the empty set, or none (default: TAKE/clean_plate)");
   process_command->add_option("--scene", process.scene, "scene.yaml: virtual objects");
   process_command->add_option("--poses", process.poses, "camera poses, TUM lines of T_world_color");
-  process_command->add_option("--export", process.exports, "list out of composite,depth,alpha,label,cg_alpha,pose,report")->capture_default_str();
+  process_command
+      ->add_option("--export", process.exports,
+                   "list out of composite,depth,alpha,label,cg_alpha,pose,report")
+      ->capture_default_str();
   process_command->add_option("--frames", process.frames, "A:B, colour pictures A up to, not including, B");
-  process_command->add_option("--depth-unit-m", process.depth_unit_m, "metres per count of the depth pictures")->check(CLI::PositiveNumber);
+  process_command
+      ->add_option("--depth-unit-m", process.depth_unit_m, "metres per count of the depth pictures")
+      ->check(CLI::PositiveNumber);
   process_command->add_flag("--encode", process.encode, "run the delivery encoders too, to measure them");
   process_command->add_flag("--json", process.json, "print report.json, no progress");
-  process_command->footer("Example: mixstage-server process --take monday --scene scene.yaml --out out --export composite,depth,alpha");
+  process_command->footer(
+      "Example: mixstage-server process --take monday --scene scene.yaml --out out --export "
+      "composite,depth,alpha");
 
   CheckFlags check;
-  CLI::App* check_command = app.add_subcommand("check", "says whether a file is good, or what is wrong with it");
+  CLI::App* check_command =
+      app.add_subcommand("check", "says whether a file is good, or what is wrong with it");
   check_command->add_option("--config", check.config, "studio.yaml");
   check_command->add_option("--rig", check.rig, "rig.json");
   check_command->add_option("--scene", check.scene, "scene.yaml");

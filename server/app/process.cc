@@ -27,13 +27,14 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-constexpr std::array<std::pair<std::string_view, Export>, 7> kExportNames = {{{"composite", Export::kComposite},
-                                                                               {"depth", Export::kDepth},
-                                                                               {"alpha", Export::kAlpha},
-                                                                               {"label", Export::kLabel},
-                                                                               {"cg_alpha", Export::kCgAlpha},
-                                                                               {"pose", Export::kPose},
-                                                                               {"report", Export::kReport}}};
+constexpr std::array<std::pair<std::string_view, Export>, 7> kExportNames = {
+    {{"composite", Export::kComposite},
+     {"depth", Export::kDepth},
+     {"alpha", Export::kAlpha},
+     {"label", Export::kLabel},
+     {"cg_alpha", Export::kCgAlpha},
+     {"pose", Export::kPose},
+     {"report", Export::kReport}}};
 constexpr int kWarmUpFrames = 10;  // not counted in core-ms per frame
 constexpr std::size_t kMaxWarnings = 100;
 
@@ -68,12 +69,15 @@ class Exporter {
     if (exports_.contains(Export::kCgAlpha)) {
       if (auto ok = Save("cg_alpha", file, frame.cg_alpha); !ok) return ok;
     }
-    if (exports_.contains(Export::kPose)) poses_ << TumLine(frame.captured->take_t_s, frame.T_world_color) << "\n";
+    if (exports_.contains(Export::kPose))
+      poses_ << TumLine(frame.captured->take_t_s, frame.T_world_color) << "\n";
     return {};
   }
   Status Finish(const std::string& report) {
     if (exports_.contains(Export::kPose)) {
-      if (auto ok = SaveText("pose.txt", "# timestamp tx ty tz qx qy qz qw (T_world_color)\n" + poses_.str()); !ok) return ok;
+      if (auto ok = SaveText("pose.txt", "# timestamp tx ty tz qx qy qz qw (T_world_color)\n" + poses_.str());
+          !ok)
+        return ok;
     }
     return SaveText("report.json", report);
   }
@@ -88,13 +92,15 @@ class Exporter {
       written = cv::imwrite(file.string(), picture, {cv::IMWRITE_PNG_COMPRESSION, 1});
     } catch (const cv::Exception&) {
     }
-    if (!written) return Fail(ErrorCode::kUnavailable, file.string() + ": cannot be written (is the disk full?)");
+    if (!written)
+      return Fail(ErrorCode::kUnavailable, file.string() + ": cannot be written (is the disk full?)");
     return {};
   }
   Status SaveText(const char* name, const std::string& text) const {
     std::ofstream file(out_ / name);
     if (!(file << text) || !file.flush()) {
-      return Fail(ErrorCode::kUnavailable, (out_ / name).string() + ": cannot be written (is the disk full?)");
+      return Fail(ErrorCode::kUnavailable,
+                  (out_ / name).string() + ": cannot be written (is the disk full?)");
     }
     return {};
   }
@@ -104,7 +110,9 @@ class Exporter {
   std::ostringstream poses_;
 };
 
-Json ToJson(const Distribution& d) { return {{"p50", d.p50}, {"p95", d.p95}, {"max", d.max}, {"mean", d.mean}}; }
+Json ToJson(const Distribution& d) {
+  return {{"p50", d.p50}, {"p95", d.p95}, {"max", d.max}, {"mean", d.mean}};
+}
 
 // What the run adds up for report.json.
 struct Totals {
@@ -131,9 +139,13 @@ std::string Report(const Totals& t, const StageTimes& times, const LearntRoom& r
   }
   Json& total = report["total"];
   const bool measured = t.counted > 0;
-  total["core_ms_per_frame"] = measured ? Json(static_cast<double>(t.frames_cpu_us) * 1e-3 / t.counted) : Json(nullptr);
-  total["fps"] = measured ? Json(t.counted * 1e6 / static_cast<double>(std::max<std::int64_t>(1, t.frames_wall_us))) : Json(nullptr);
-  total["export_core_ms_per_frame"] = t.frames > 0 ? Json(static_cast<double>(t.export_cpu_us) * 1e-3 / t.frames) : Json(nullptr);
+  total["core_ms_per_frame"] =
+      measured ? Json(static_cast<double>(t.frames_cpu_us) * 1e-3 / t.counted) : Json(nullptr);
+  total["fps"] =
+      measured ? Json(t.counted * 1e6 / static_cast<double>(std::max<std::int64_t>(1, t.frames_wall_us)))
+               : Json(nullptr);
+  total["export_core_ms_per_frame"] =
+      t.frames > 0 ? Json(static_cast<double>(t.export_cpu_us) * 1e-3 / t.frames) : Json(nullptr);
   report["drops"] = Json(t.drops);
   report["room"] = room.how;
   report["warnings"] = Json(t.warnings);
@@ -147,7 +159,8 @@ void ShowProgress(int done, int all) {
   if (done == all) std::fprintf(stderr, "\n");
 }
 
-Result<LearntRoom> Learn(const ProcessOptions& options, const Take& take, Studio& studio, std::vector<std::string>& warnings) {
+Result<LearntRoom> Learn(const ProcessOptions& options, const Take& take, Studio& studio,
+                         std::vector<std::string>& warnings) {
   fs::path plate_folder;
   if (options.clean_plate == CleanPlate::kGiven) plate_folder = options.clean_plate_folder;
   if (options.clean_plate == CleanPlate::kDefault && take.clean_plate) plate_folder = *take.clean_plate;
@@ -165,7 +178,8 @@ Result<std::set<Export>> ParseExports(const std::string& list) {
   std::istringstream names(list);
   std::string name;
   while (std::getline(names, name, ',')) {
-    const auto* found = std::find_if(kExportNames.begin(), kExportNames.end(), [&](const auto& e) { return e.first == name; });
+    const auto* found = std::find_if(kExportNames.begin(), kExportNames.end(),
+                                     [&](const auto& e) { return e.first == name; });
     if (found == kExportNames.end()) {
       std::string known;
       for (const auto& e : kExportNames) known += (known.empty() ? "" : ", ") + std::string(e.first);
@@ -213,7 +227,8 @@ Result<std::string> RunProcess(const ProcessOptions& options) {
   for (const std::string& warning : totals.warnings) spdlog::warn("process {}", warning);
   std::optional<Broadcast> broadcast;
   if (options.encode) {
-    auto created = Broadcast::Create({}, studio->rig().color.width, studio->rig().color.height, "process", nullptr);
+    auto created =
+        Broadcast::Create({}, studio->rig().color.width, studio->rig().color.height, "process", nullptr);
     if (!created) return tl::unexpected(created.error());
     broadcast = std::move(*created);
   }
@@ -221,7 +236,8 @@ Result<std::string> RunProcess(const ProcessOptions& options) {
   TakeIngest ingest(*take, studio->rig());
   const int end = options.end_frame < 0 ? ingest.frames() : std::min(options.end_frame, ingest.frames());
   if (options.first_frame >= end) {
-    return Fail(ErrorCode::kInvalidConfig, "--frames: the take has only " + std::to_string(ingest.frames()) + " frames");
+    return Fail(ErrorCode::kInvalidConfig,
+                "--frames: the take has only " + std::to_string(ingest.frames()) + " frames");
   }
   StageTimes times(0);
   Frame frame;
@@ -259,10 +275,12 @@ Result<std::string> RunProcess(const ProcessOptions& options) {
       if (auto ok = exporter->Write(frame); !ok) return tl::unexpected(ok.error());
       totals.export_cpu_us += ProcessCpuMicros() - export_cpu_us;
     }
-    if (options.progress == Progress::kShow) ShowProgress(i + 1 - options.first_frame, end - options.first_frame);
+    if (options.progress == Progress::kShow)
+      ShowProgress(i + 1 - options.first_frame, end - options.first_frame);
   }
   if (studio->unusable_depths() > 0) totals.drops["depth_size_not_rig"] = studio->unusable_depths();
-  if (totals.frames == 0) return Fail(ErrorCode::kBadInput, options.take.string() + ": no colour picture could be used");
+  if (totals.frames == 0)
+    return Fail(ErrorCode::kBadInput, options.take.string() + ": no colour picture could be used");
   const std::string report = Report(totals, times, *room);
   if (auto ok = exporter->Finish(report); !ok) return tl::unexpected(ok.error());
   return report;

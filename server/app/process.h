@@ -30,15 +30,15 @@ struct ProcessOptions {
   CleanPlate clean_plate = CleanPlate::kDefault;
   std::filesystem::path clean_plate_folder;
   std::set<Export> exports;
-  int first_frame = 0;          // of the take's colour pictures
-  int end_frame = -1;           // one past the last; -1 = all
+  int first_frame = 0;  // of the take's colour pictures
+  int end_frame = -1;   // one past the last; -1 = all
   std::optional<double> depth_unit_m;
-  bool encode = false;          // run the delivery encoders too, to measure them
+  bool encode = false;  // run the delivery encoders too, to measure them
   Progress progress = Progress::kShow;
 };
 
-// Computes the show of a take offline, every frame, through the same stages as live; deterministic. Writes the exports
-// and, always, report.json. Returns the report's text.
+// Computes the show of a take offline, every frame, through the same stages as live; deterministic. Writes
+// the exports and, always, report.json. Returns the report's text.
 Result<std::string> RunProcess(const ProcessOptions& options);
 
 }  // namespace mixstage

@@ -78,8 +78,8 @@ Result<Studio> OpenStudio(const StudioConfig& config) {
 Status CheckShow(const StudioConfig& config) {
   auto studio = OpenStudio(config);
   if (!studio) return tl::unexpected(studio.error());
-  auto broadcast = Broadcast::Create({config.color, config.depth}, studio->rig().color.width, studio->rig().color.height,
-                                     config.name, nullptr);
+  auto broadcast = Broadcast::Create({config.color, config.depth}, studio->rig().color.width,
+                                     studio->rig().color.height, config.name, nullptr);
   if (!broadcast) return tl::unexpected(broadcast.error());
   return {};
 }
@@ -107,14 +107,15 @@ Status RunShow(const StudioConfig& config) {
   GatewayConfig gateway_config;
   gateway_config.listen = config.listen;
   gateway_config.page_folder = FindPage(config);
-  if (gateway_config.page_folder.empty()) spdlog::warn("page not found: build it, or set \"page:\"; /watch works");
+  if (gateway_config.page_folder.empty())
+    spdlog::warn("page not found: build it, or set \"page:\"; /watch works");
   Gateway gateway(gateway_config, [&] {
     const LiveShow* show = show_for_metrics.load();
     return show != nullptr ? show->MetricsText() : std::string();
   });
   if (auto ok = gateway.Start(); !ok) return ok;
-  auto broadcast = Broadcast::Create({config.color, config.depth}, studio->rig().color.width, studio->rig().color.height,
-                                     config.name, &gateway);
+  auto broadcast = Broadcast::Create({config.color, config.depth}, studio->rig().color.width,
+                                     studio->rig().color.height, config.name, &gateway);
   if (!broadcast) return tl::unexpected(broadcast.error());
   gateway.SetHello({.name = config.name, .server_us = 0, .streams = {}});
   {

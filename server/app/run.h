@@ -6,8 +6,8 @@
 
 namespace mixstage {
 
-// Everything of a configuration but the network: files are read and checked against each other. What `run` does first,
-// and all that --check-config does.
+// Everything of a configuration but the network: files are read and checked against each other. What `run`
+// does first, and all that --check-config does.
 Status CheckShow(const StudioConfig& config);
 
 // Runs the live show until SIGINT or SIGTERM.

@@ -23,8 +23,8 @@ struct HeadAngles {
   double pan_deg = 0, tilt_deg = 0;
 };
 
-// A frame is born at a colour picture; with it goes the newest depth that was exposed before it, or at its instant.
-// What a camera gave, paired, on the server's clock; immutable once published.
+// A frame is born at a colour picture; with it goes the newest depth that was exposed before it, or at its
+// instant. What a camera gave, paired, on the server's clock; immutable once published.
 struct CapturedFrame {
   std::int64_t frame = 0;       // counts the camera's pictures since the start, lost ones too
   std::int64_t epoch = 0;       // of the agent; 0 offline

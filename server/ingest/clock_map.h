@@ -6,9 +6,10 @@
 
 namespace mixstage {
 
-// Maps the times of one agent's epoch to the server's clock by the lower envelope of (arrival - t_us): the fastest
-// message of the window is taken to have travelled in no time (SPEC.md 1, "Clocks"). The window slides, so that the
-// drift of the agent's clock against ours is followed. A new epoch needs a new ClockMap. One thread.
+// Maps the times of one agent's epoch to the server's clock by the lower envelope of (arrival - t_us): the
+// fastest message of the window is taken to have travelled in no time (SPEC.md 1, "Clocks"). The window
+// slides, so that the drift of the agent's clock against ours is followed. A new epoch needs a new ClockMap.
+// One thread.
 class ClockMap {
  public:
   static constexpr std::int64_t kWindowUs = 10'000'000;

@@ -16,7 +16,8 @@ constexpr std::size_t kMaxAgents = 8;
 
 }  // namespace
 
-LiveIngest::LiveIngest(const Rig& rig, Mailbox<std::shared_ptr<const CapturedFrame>>& out) : rig_(rig), out_(out) {}
+LiveIngest::LiveIngest(const Rig& rig, Mailbox<std::shared_ptr<const CapturedFrame>>& out)
+    : rig_(rig), out_(out) {}
 
 void LiveIngest::OnSlice(const mixstage_lcm::frame_slice_t& slice, std::int64_t now_us) {
   auto encoded = reassembler_.Add(slice, now_us);
@@ -37,13 +38,15 @@ void LiveIngest::OnSlice(const mixstage_lcm::frame_slice_t& slice, std::int64_t 
 // Counters of the transport that are not zero, as drop reasons. Most slices change nothing but their number.
 void LiveIngest::PublishTransportCounters() {
   const Reassembler::Counters& c = reassembler_.counters();
-  const std::int64_t refused = c.bad_slice + c.duplicate_slice + c.late_slice + c.incomplete + c.crc + c.no_room;
+  const std::int64_t refused =
+      c.bad_slice + c.duplicate_slice + c.late_slice + c.incomplete + c.crc + c.no_room;
   if (refused == refused_seen_) return;
   refused_seen_ = refused;
   const std::lock_guard lock(mutex_);
-  for (const auto& [reason, count] : {std::pair{"bad_slice", c.bad_slice}, std::pair{"duplicate_slice", c.duplicate_slice},
-                                      std::pair{"late_slice", c.late_slice}, std::pair{"incomplete", c.incomplete},
-                                      std::pair{"crc", c.crc}, std::pair{"no_room", c.no_room}}) {
+  for (const auto& [reason, count] :
+       {std::pair{"bad_slice", c.bad_slice}, std::pair{"duplicate_slice", c.duplicate_slice},
+        std::pair{"late_slice", c.late_slice}, std::pair{"incomplete", c.incomplete}, std::pair{"crc", c.crc},
+        std::pair{"no_room", c.no_room}}) {
     if (count > 0) status_.drops[reason] = count;
   }
 }
@@ -114,7 +117,8 @@ void LiveIngest::OnDepth(const EncodedFrame& encoded, std::int64_t now_us) {
     amplitude_t_us_ = encoded.t_us;
     amplitude_ = picture;
     // Depth and amplitude of one exposure come as two pictures in either order.
-    if (!depths_.empty() && depths_.back()->sequence == encoded.sequence && depths_.back()->amplitude.empty()) {
+    if (!depths_.empty() && depths_.back()->sequence == encoded.sequence &&
+        depths_.back()->amplitude.empty()) {
       auto with = std::make_shared<DepthPicture>(*depths_.back());
       with->amplitude = picture;
       depths_.back() = std::move(with);
@@ -142,7 +146,8 @@ std::shared_ptr<const DepthPicture> LiveIngest::NewestDepthBefore(std::int64_t c
 }
 
 void LiveIngest::OnHead(const mixstage_lcm::head_angles_t& angles, std::int64_t now_us) {
-  if (angles.epoch == 0 || !std::isfinite(angles.pan_deg) || !std::isfinite(angles.tilt_deg)) return Drop("bad_head");
+  if (angles.epoch == 0 || !std::isfinite(angles.pan_deg) || !std::isfinite(angles.tilt_deg))
+    return Drop("bad_head");
   if (angles.epoch != followed_epoch_) return;
   clock_.Observe(angles.t_us, now_us);
   head_ = HeadAngles{angles.pan_deg, angles.tilt_deg};
@@ -157,7 +162,9 @@ void LiveIngest::OnHealth(const mixstage_lcm::agent_health_t& health, std::int64
   const auto* name = reinterpret_cast<const char*>(health.name);
   agent.name.assign(name, std::find(name, name + sizeof health.name, '\0'));
   // The name goes into JSON, metrics and logs: printable ASCII only.
-  std::replace_if(agent.name.begin(), agent.name.end(), [](char c) { return c < ' ' || c > '~' || c == '"' || c == '\\'; }, '?');
+  std::replace_if(
+      agent.name.begin(), agent.name.end(),
+      [](char c) { return c < ' ' || c > '~' || c == '"' || c == '\\'; }, '?');
   agent.last_heard_us = now_us;
   agent.color_fps = health.color_fps;
   agent.depth_fps = health.depth_fps;
@@ -171,12 +178,13 @@ void LiveIngest::OnHealth(const mixstage_lcm::agent_health_t& health, std::int64
 // Called with mutex_ held. The list is short; the one not heard for longest makes room.
 AgentStatus& LiveIngest::Agent(std::int64_t epoch, std::int64_t now_us) {
   auto& agents = status_.agents;
-  auto found = std::find_if(agents.begin(), agents.end(), [&](const AgentStatus& a) { return a.epoch == epoch; });
+  auto found =
+      std::find_if(agents.begin(), agents.end(), [&](const AgentStatus& a) { return a.epoch == epoch; });
   if (found != agents.end()) return *found;
   if (agents.size() >= kMaxAgents) {
-    agents.erase(std::min_element(agents.begin(), agents.end(), [](const AgentStatus& a, const AgentStatus& b) {
-      return a.last_heard_us < b.last_heard_us;
-    }));
+    agents.erase(std::min_element(
+        agents.begin(), agents.end(),
+        [](const AgentStatus& a, const AgentStatus& b) { return a.last_heard_us < b.last_heard_us; }));
   }
   AgentStatus agent;
   agent.epoch = epoch;

@@ -39,16 +39,17 @@ struct IngestStatus {
   double decode_wall_ms = 0, decode_cpu_ms = 0;       // of the last colour picture
 };
 
-// Slices to paired frames (DESIGN "Time and frames"): reassembles, decodes, maps clocks, pairs colour with the newest
-// depth and puts the frame into the mailbox, where the newest wins. One thread feeds it (`ingest`); Status() may be
-// called from any.
+// Slices to paired frames (DESIGN "Time and frames"): reassembles, decodes, maps clocks, pairs colour with
+// the newest depth and puts the frame into the mailbox, where the newest wins. One thread feeds it
+// (`ingest`); Status() may be called from any.
 //
-// One agent is followed: the first whose colour arrives, until it has been silent for kSwitchUs. Pictures of another
-// are counted ("other_agent"), so that two agents started by mistake do not cut into each other.
+// One agent is followed: the first whose colour arrives, until it has been silent for kSwitchUs. Pictures of
+// another are counted ("other_agent"), so that two agents started by mistake do not cut into each other.
 class LiveIngest {
  public:
   static constexpr std::int64_t kSwitchUs = 500'000;
-  static constexpr std::int64_t kDepthStaleUs = 1'000'000;  // older depth is no depth: the key goes on by colour
+  static constexpr std::int64_t kDepthStaleUs =
+      1'000'000;  // older depth is no depth: the key goes on by colour
 
   LiveIngest(const Rig& rig, Mailbox<std::shared_ptr<const CapturedFrame>>& out);
 

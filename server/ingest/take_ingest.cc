@@ -34,9 +34,10 @@ Result<std::shared_ptr<const CapturedFrame>> TakeIngest::Load(int index, std::st
   frame->stem = entry.stem();
   if (auto ok = LoadColor(entry.file, jpeg_, frame->color); !ok) return tl::unexpected(ok.error());
   if (frame->color.width() != rig_.color.width || frame->color.height() != rig_.color.height) {
-    return Fail(ErrorCode::kBadInput, entry.file.string() + ": is " + std::to_string(frame->color.width()) + " x " +
-                                          std::to_string(frame->color.height()) + " pixels, the rig's colour camera has " +
-                                          std::to_string(rig_.color.width) + " x " + std::to_string(rig_.color.height));
+    return Fail(ErrorCode::kBadInput,
+                entry.file.string() + ": is " + std::to_string(frame->color.width()) + " x " +
+                    std::to_string(frame->color.height()) + " pixels, the rig's colour camera has " +
+                    std::to_string(rig_.color.width) + " x " + std::to_string(rig_.color.height));
   }
   if (rig_.depth) {
     const std::ptrdiff_t at = LastAtOrBefore(take_.depth, entry.t_s - rig_.depth_time_offset_s);

@@ -7,8 +7,8 @@
 
 namespace mixstage {
 
-Result<Broadcast> Broadcast::Create(const BroadcastConfig& config, int width, int height, const std::string& show_name,
-                                    Gateway* gateway) {
+Result<Broadcast> Broadcast::Create(const BroadcastConfig& config, int width, int height,
+                                    const std::string& show_name, Gateway* gateway) {
   auto color = VideoEncoder::Create(config.color, width, height);
   if (!color) return Within("colour encoder", color.error());
   auto depth = VideoEncoder::Create(config.depth, width, height);
@@ -18,8 +18,13 @@ Result<Broadcast> Broadcast::Create(const BroadcastConfig& config, int width, in
   return Broadcast(std::move(*color), std::move(*depth), std::move(*range), show_name, gateway);
 }
 
-Broadcast::Broadcast(VideoEncoder color, VideoEncoder depth, DepthRangeFit range, std::string name, Gateway* gateway)
-    : color_(std::move(color)), depth_(std::move(depth)), range_(std::move(range)), name_(std::move(name)), gateway_(gateway) {}
+Broadcast::Broadcast(VideoEncoder color, VideoEncoder depth, DepthRangeFit range, std::string name,
+                     Gateway* gateway)
+    : color_(std::move(color)),
+      depth_(std::move(depth)),
+      range_(std::move(range)),
+      name_(std::move(name)),
+      gateway_(gateway) {}
 
 Status Broadcast::Send(Frame& frame, StageTimes& times) {
   if (gateway_ != nullptr && gateway_->TakeKeyFrameRequest()) {
@@ -66,7 +71,8 @@ Status Broadcast::SendDepth(const Frame& frame, StageTimes& times) {
   return {};
 }
 
-void Broadcast::Publish(const Frame& frame, WatchStream stream, const EncodedPicture& picture, DepthRange range) {
+void Broadcast::Publish(const Frame& frame, WatchStream stream, const EncodedPicture& picture,
+                        DepthRange range) {
   *bytes_ += static_cast<std::int64_t>(picture.access_unit.size());
   if (gateway_ == nullptr) return;
   gateway_->Publish(MakeWatchPicture({.stream = stream,

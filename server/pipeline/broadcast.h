@@ -20,16 +20,16 @@ struct BroadcastConfig {
   VideoEncoderConfig depth{.format = VideoFormat::kDepth10, .bitrate_bps = 2'000'000};
 };
 
-// The last stages of a frame: H.264 of the composite, inverse depth with matte, delivery. One encode for all viewers.
-// Owned by the thread that encodes (`encode` live, inline for `process --encode`).
+// The last stages of a frame: H.264 of the composite, inverse depth with matte, delivery. One encode for all
+// viewers. Owned by the thread that encodes (`encode` live, inline for `process --encode`).
 class Broadcast {
  public:
   // `gateway` may be null: then everything is encoded and handed to nobody (measuring).
-  static Result<Broadcast> Create(const BroadcastConfig& config, int width, int height, const std::string& show_name,
-                                  Gateway* gateway);
+  static Result<Broadcast> Create(const BroadcastConfig& config, int width, int height,
+                                  const std::string& show_name, Gateway* gateway);
 
-  // Encodes what is watched. A stream that nobody watches is not encoded, but for the first frame, which tells
-  // viewers the codecs. Fails when an encoder fails.
+  // Encodes what is watched. A stream that nobody watches is not encoded, but for the first frame, which
+  // tells viewers the codecs. Fails when an encoder fails.
   Status Send(Frame& frame, StageTimes& times);
 
   [[nodiscard]] std::int64_t bytes_sent() const { return *bytes_; }

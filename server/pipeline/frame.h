@@ -12,8 +12,9 @@
 
 namespace mixstage {
 
-// One frame on its way through the stages: each stage reads what stages above it wrote (frame_stages.cc). Pictures are
-// [h x w] of the colour camera, in its distorted view. After the last stage of the frame thread nothing is changed.
+// One frame on its way through the stages: each stage reads what stages above it wrote (frame_stages.cc).
+// Pictures are [h x w] of the colour camera, in its distorted view. After the last stage of the frame thread
+// nothing is changed.
 struct Frame {
   std::shared_ptr<const CapturedFrame> captured;
   RigidTransform T_world_color = RigidTransform::Identity();
@@ -22,16 +23,18 @@ struct Frame {
   bool keyed = false;       // key_actor: false while the empty set is being learnt
   cv::Mat1b label;          // key_actor: 0 background, 1 actor, 2 shadow of the actor, 255 unknown
   cv::Mat1b alpha;          // key_actor: coverage of the actor, linear
-  cv::Mat1f actor_depth_m;  // actor_surface: z of the actor, half size, 0 = not known; the worker's, until its next frame
+  cv::Mat1f actor_depth_m;  // actor_surface: z of the actor, half size, 0 = not known; the worker's, until
+                            // its next frame
   const CgLayer* cg = nullptr;  // render_scene: null = no CG; the renderer's, until its next frame
-  YuvImage composite;       // z_key
-  cv::Mat1w depth_mm;       // z_key: z of what the composite shows, mm, 0 = unknown
-  cv::Mat1b cg_alpha;       // z_key: visible coverage of CG
+  YuvImage composite;           // z_key
+  cv::Mat1w depth_mm;           // z_key: z of what the composite shows, mm, 0 = unknown
+  cv::Mat1b cg_alpha;           // z_key: visible coverage of CG
 
   std::int64_t encoded_us = 0;  // encode: server clock when the encoders were done
 };
 
-// Frames with their buffers, used again when nobody holds them any more. One thread takes, any thread lets go.
+// Frames with their buffers, used again when nobody holds them any more. One thread takes, any thread lets
+// go.
 class FramePool {
  public:
   [[nodiscard]] std::shared_ptr<Frame> Take() {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// One frame, top to bottom; each stage reads what stages above it wrote. The name is also the name in reports, metrics
-// and on the page.
+// One frame, top to bottom; each stage reads what stages above it wrote. The name is also the name in
+// reports, metrics and on the page.
 #include "server/pipeline/frame_stages.h"
 
 #include <algorithm>
@@ -12,7 +12,8 @@
 
 namespace mixstage {
 
-// The stages that the frame thread runs. Static members of a friend: the studio's workers are theirs and nobody else's.
+// The stages that the frame thread runs. Static members of a friend: the studio's workers are theirs and
+// nobody else's.
 struct FrameStages {
   static void PlaceCamera(Studio& s, Frame& f);
   static void WarpDepth(Studio& s, Frame& f);
@@ -32,13 +33,17 @@ struct Stage {
 
 constexpr std::array kStages = {
     Stage{{"decode", 2.0, "ingest", "JPEG to planes, pairing    MixIn3D 3.1"}, nullptr},
-    Stage{{"place_camera", 0.5, "frame", "T_world_color              MixIn3D 2.3, 2.5"}, &FrameStages::PlaceCamera},
+    Stage{{"place_camera", 0.5, "frame", "T_world_color              MixIn3D 2.3, 2.5"},
+          &FrameStages::PlaceCamera},
     Stage{{"warp_depth", 1.0, "frame", "D in the colour camera     MixIn3D 2.2"}, &FrameStages::WarpDepth},
     Stage{{"learn_room", 0.5, "frame", "D_M, I_m, I_sigma          piVE eq 1-2"}, &FrameStages::LearnRoom},
-    Stage{{"key_actor", 3.0, "frame", "actor, shadow              MixIn3D eq 1, piVE eq 3-8"}, &FrameStages::KeyActor},
-    Stage{{"actor_surface", 2.0, "frame", "the actor's depth          MixIn3D 2.4"}, &FrameStages::ShapeActor},
+    Stage{{"key_actor", 3.0, "frame", "actor, shadow              MixIn3D eq 1, piVE eq 3-8"},
+          &FrameStages::KeyActor},
+    Stage{{"actor_surface", 2.0, "frame", "the actor's depth          MixIn3D 2.4"},
+          &FrameStages::ShapeActor},
     Stage{{"render_scene", 8.0, "frame", "virtual colour, depth      piVE 4"}, &FrameStages::RenderScene},
-    Stage{{"z_key", 6.0, "frame", "composed colour, depth     MixIn3D 3.1, piVE 5"}, &FrameStages::CompositeZ},
+    Stage{{"z_key", 6.0, "frame", "composed colour, depth     MixIn3D 3.1, piVE 5"},
+          &FrameStages::CompositeZ},
     Stage{{"encode_color", 4.0, "encode", "H.264"}, nullptr},
     Stage{{"encode_depth", 5.0, "encode", "H.264 High 10, inverse depth"}, nullptr},
 };
@@ -71,7 +76,8 @@ Result<Studio> Studio::Create(StudioSetup setup) {
   }
   if (studio.scene_ && studio.scene_->frame == SceneFrame::kWorld && studio.poses_.empty() && !rig.ptu) {
     return Fail(ErrorCode::kInvalidConfig,
-                "the scene is in the world's frame, but nothing says where the camera is: give a rig with \"ptu\", or "
+                "the scene is in the world's frame, but nothing says where the camera is: give a rig with "
+                "\"ptu\", or "
                 "--poses, or write the scene with frame: camera");
   }
   auto learner = RoomLearner::Create(learn_frames, rig.color.width, rig.color.height);
@@ -112,8 +118,8 @@ void Studio::UseRoom(std::shared_ptr<const BackgroundModel> room, RoomState stat
   if (!room_->has_depth()) return;
   RoomDepth depth;
   depth.revision = ++room_revision_;
-  // Quarter-size pixels are samples at the centres of 4x4 blocks. Nearest: between a near and a far surface there is
-  // nothing, and an interpolated depth would stand in the air there.
+  // Quarter-size pixels are samples at the centres of 4x4 blocks. Nearest: between a near and a far surface
+  // there is nothing, and an interpolated depth would stand in the air there.
   const cv::Size size(rig_.color.width, rig_.color.height);
   const cv::Size blocks(4 * room_->room_depth_m.cols, 4 * room_->room_depth_m.rows);
   cv::Mat1f full;
@@ -143,7 +149,8 @@ void FrameStages::PlaceCamera(Studio& s, Frame& f) {
     const auto after = std::upper_bound(s.poses_.begin(), s.poses_.end(), f.captured->take_t_s,
                                         [](double t, const PoseSample& p) { return t < p.t_s; });
     const auto before = after == s.poses_.begin() ? after : after - 1;
-    const bool later_is_nearer = after != s.poses_.end() && after->t_s - f.captured->take_t_s < f.captured->take_t_s - before->t_s;
+    const bool later_is_nearer =
+        after != s.poses_.end() && after->t_s - f.captured->take_t_s < f.captured->take_t_s - before->t_s;
     f.T_world_color = (later_is_nearer ? after : before)->T_world_color;
     return;
   }
@@ -167,7 +174,8 @@ void FrameStages::LearnRoom(Studio& s, Frame& f) {
   const bool new_depth = f.captured->depth != s.learnt_depth_;
   s.learnt_depth_ = f.captured->depth;
   const cv::Mat1f none;
-  auto room = s.learner_->Observe(s.half_, View(std::as_const(new_depth ? f.D : none)), f.captured->capture_us);
+  auto room =
+      s.learner_->Observe(s.half_, View(std::as_const(new_depth ? f.D : none)), f.captured->capture_us);
   if (room) s.UseRoom(std::move(room), s.learner_->state());
   if (s.room_state_ == RoomState::kKnown) s.learner_.reset();
 }
@@ -182,8 +190,11 @@ void FrameStages::KeyActor(Studio& s, Frame& f) {
     f.alpha.setTo(0);
     return;
   }
-  const double age_s = f.captured->depth ? static_cast<double>(f.captured->capture_us - f.captured->depth->capture_us) * 1e-6 : 0;
-  s.key_->Run(*s.room_, s.half_, View(std::as_const(f.D)), static_cast<float>(std::max(0.0, age_s)), View(f.label), View(f.alpha));
+  const double age_s =
+      f.captured->depth ? static_cast<double>(f.captured->capture_us - f.captured->depth->capture_us) * 1e-6
+                        : 0;
+  s.key_->Run(*s.room_, s.half_, View(std::as_const(f.D)), static_cast<float>(std::max(0.0, age_s)),
+              View(f.label), View(f.alpha));
 }
 
 void FrameStages::ShapeActor(Studio& s, Frame& f) {

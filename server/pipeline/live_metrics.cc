@@ -8,8 +8,8 @@
 
 namespace mixstage {
 
-// A registry is filled anew for each request: the show's own counters are the truth, and a scrape comes every few
-// seconds at most.
+// A registry is filled anew for each request: the show's own counters are the truth, and a scrape comes every
+// few seconds at most.
 std::string LiveShow::MetricsText() const {
   const WatchStats stats = Stats();
   prometheus::Registry registry;
@@ -19,16 +19,20 @@ std::string LiveShow::MetricsText() const {
   auto counter = [&](const char* name, const char* help) -> auto& {
     return prometheus::BuildCounter().Name(name).Help(help).Register(registry);
   };
-  gauge("mixstage_live", "1 while the show is live, 0 while it learns, waits or lacks a stream", stats.state == "live");
+  gauge("mixstage_live", "1 while the show is live, 0 while it learns, waits or lacks a stream",
+        stats.state == "live");
   gauge("mixstage_frames_per_second", "Composites encoded per second over the last 2 s", stats.fps);
   gauge("mixstage_viewers", "Viewers connected", static_cast<double>(stats.viewers));
   gauge("mixstage_bitrate_bits_per_second", "Encoded, both streams", stats.bitrate_bps);
-  gauge("mixstage_latency_seconds_p50", "Capture to encoded over the last 10 s, median", stats.latency_p50_ms * 1e-3);
-  gauge("mixstage_latency_seconds_p99", "Capture to encoded over the last 10 s, 99th percentile", stats.latency_p99_ms * 1e-3);
+  gauge("mixstage_latency_seconds_p50", "Capture to encoded over the last 10 s, median",
+        stats.latency_p50_ms * 1e-3);
+  gauge("mixstage_latency_seconds_p99", "Capture to encoded over the last 10 s, 99th percentile",
+        stats.latency_p99_ms * 1e-3);
   gauge("mixstage_depth_age_seconds", "Since the last depth picture", stats.depth_age_s);
   counter("mixstage_frames_total", "Composites encoded").Add({}).Increment(static_cast<double>(stats.frames));
   auto& drops = counter("mixstage_drops_total", "Pictures and messages dropped, by reason");
-  for (const auto& [reason, count] : stats.drops) drops.Add({{"reason", reason}}).Increment(static_cast<double>(count));
+  for (const auto& [reason, count] : stats.drops)
+    drops.Add({{"reason", reason}}).Increment(static_cast<double>(count));
   auto& wall = counter("mixstage_stage_wall_seconds_total", "Wall time spent in a stage");
   auto& cpu = counter("mixstage_stage_cpu_seconds_total", "CPU time (user + system) spent in a stage");
   auto& runs = counter("mixstage_stage_runs_total", "Runs of a stage");
@@ -37,11 +41,16 @@ std::string LiveShow::MetricsText() const {
     cpu.Add({{"stage", stage}}).Increment(sums.cpu_ms * 1e-3);
     runs.Add({{"stage", stage}}).Increment(static_cast<double>(sums.count));
   }
-  auto& agent_fps = prometheus::BuildGauge().Name("mixstage_agent_color_frames_per_second").Help("By the agent's own word").Register(registry);
-  auto& agent_lost = counter("mixstage_agent_lost_total", "Colour pictures of an agent that never became whole");
+  auto& agent_fps = prometheus::BuildGauge()
+                        .Name("mixstage_agent_color_frames_per_second")
+                        .Help("By the agent's own word")
+                        .Register(registry);
+  auto& agent_lost =
+      counter("mixstage_agent_lost_total", "Colour pictures of an agent that never became whole");
   for (const WatchAgent& agent : stats.agents) {
     agent_fps.Add({{"agent", agent.name}, {"epoch", agent.epoch}}).Set(agent.color_fps);
-    agent_lost.Add({{"agent", agent.name}, {"epoch", agent.epoch}}).Increment(static_cast<double>(agent.lost));
+    agent_lost.Add({{"agent", agent.name}, {"epoch", agent.epoch}})
+        .Increment(static_cast<double>(agent.lost));
   }
   return prometheus::TextSerializer().Serialize(registry.Collect());
 }

@@ -32,7 +32,8 @@ std::string Sentence(const char* format, double value) {
 
 }  // namespace
 
-LiveShow::LiveShow(std::string name, std::unique_ptr<LcmLink> link, Studio studio, Broadcast broadcast, Gateway& gateway)
+LiveShow::LiveShow(std::string name, std::unique_ptr<LcmLink> link, Studio studio, Broadcast broadcast,
+                   Gateway& gateway)
     : name_(std::move(name)),
       link_(std::move(link)),
       studio_(std::move(studio)),
@@ -51,7 +52,8 @@ LiveShow::~LiveShow() {
   stats_thread_.request_stop();
   captured_.Close();
   finished_.Close();
-  for (std::jthread* thread : {&ingest_thread_, &frame_thread_, &encode_thread_, &stats_thread_}) thread->join();
+  for (std::jthread* thread : {&ingest_thread_, &frame_thread_, &encode_thread_, &stats_thread_})
+    thread->join();
 }
 
 void LiveShow::RunIngest(const std::stop_token& stop) {
@@ -93,7 +95,8 @@ void LiveShow::RunEncode() {
     const std::int64_t bytes = broadcast_.bytes_sent();
     const std::lock_guard lock(mutex_);
     ++frames_;
-    shown_.push_back({(*frame)->encoded_us, (*frame)->encoded_us - (*frame)->captured->capture_us, bytes - bytes_before});
+    shown_.push_back(
+        {(*frame)->encoded_us, (*frame)->encoded_us - (*frame)->captured->capture_us, bytes - bytes_before});
     bytes_before = bytes_ = bytes;
     while (shown_.front().encoded_us < (*frame)->encoded_us - kStatsWindowUs) shown_.pop_front();
   }
@@ -158,7 +161,8 @@ WatchStats LiveShow::Stats() const {
     if (stage.name == "decode") {
       stats.stages.push_back({"decode", stage.budget_ms, in.decode_wall_ms, in.decode_cpu_ms});
     } else if (found != measured.end()) {
-      stats.stages.push_back({found->first, stage.budget_ms, found->second.wall_ms.mean, found->second.cpu_ms.mean});
+      stats.stages.push_back(
+          {found->first, stage.budget_ms, found->second.wall_ms.mean, found->second.cpu_ms.mean});
     }
   }
   bool agent_lives = false;
@@ -168,7 +172,8 @@ WatchStats LiveShow::Stats() const {
     agent_lives = agent_lives || now_us - a.last_heard_us < kSilentUs;
     char epoch[17];
     std::snprintf(epoch, sizeof epoch, "%016llx", static_cast<unsigned long long>(a.epoch));
-    stats.agents.push_back({epoch, a.name, age_s, a.color_fps, a.depth_fps, static_cast<std::uint64_t>(std::max<std::int64_t>(0, a.dropped)),
+    stats.agents.push_back({epoch, a.name, age_s, a.color_fps, a.depth_fps,
+                            static_cast<std::uint64_t>(std::max<std::int64_t>(0, a.dropped)),
                             static_cast<std::uint64_t>(std::max<std::int64_t>(0, a.queue)), a.encode_ms,
                             static_cast<std::uint64_t>(a.lost)});
   }
@@ -180,14 +185,17 @@ WatchStats LiveShow::Stats() const {
     stats.state = "stalled";
     stats.message = in.last_color_us == 0
                         ? "The agent lives, but no colour picture has come. Is its size the rig's?"
-                        : Sentence("Colour stopped %.0f s ago: the last picture stands. Look at the camera.", color_age_s);
+                        : Sentence("Colour stopped %.0f s ago: the last picture stands. Look at the camera.",
+                                   color_age_s);
   } else if (room_state == RoomState::kLearning) {
     stats.state = "learning";
     stats.message = "Learning the empty set. Keep out of the picture for a second.";
   } else if (studio_.rig().depth && (in.last_depth_us == 0 || stats.depth_age_s > 1.0)) {
     stats.state = "no_depth";
-    stats.message = in.last_depth_us == 0 ? "No depth has come: the key works by colour alone."
-                                          : Sentence("Depth stopped %.0f s ago: the key works by colour alone.", stats.depth_age_s);
+    stats.message =
+        in.last_depth_us == 0
+            ? "No depth has come: the key works by colour alone."
+            : Sentence("Depth stopped %.0f s ago: the key works by colour alone.", stats.depth_age_s);
   } else {
     stats.state = "live";
   }

@@ -25,7 +25,8 @@ namespace mixstage {
 class LiveShow {
  public:
   // `gateway` must have been started. The show starts at once.
-  LiveShow(std::string name, std::unique_ptr<LcmLink> link, Studio studio, Broadcast broadcast, Gateway& gateway);
+  LiveShow(std::string name, std::unique_ptr<LcmLink> link, Studio studio, Broadcast broadcast,
+           Gateway& gateway);
   ~LiveShow();  // stops: closes every mailbox, then joins
   LiveShow(const LiveShow&) = delete;
   LiveShow& operator=(const LiveShow&) = delete;

@@ -10,7 +10,7 @@ namespace mixstage {
 namespace {
 
 constexpr std::int64_t kSamplePeriodUs = 500'000;
-constexpr int kFirstEstimate = 12;     // samples: six seconds
+constexpr int kFirstEstimate = 12;       // samples: six seconds
 constexpr int kSamplesPerEstimate = 12;  // then again after as many more
 
 }  // namespace
@@ -23,12 +23,14 @@ Result<RoomLearner> RoomLearner::Create(int frames, int width, int height) {
   return RoomLearner(frames, std::move(*still), std::move(*spread));
 }
 
-std::shared_ptr<const BackgroundModel> RoomLearner::Observe(const HalfPicture& picture, ImageView<const float> depth_m,
+std::shared_ptr<const BackgroundModel> RoomLearner::Observe(const HalfPicture& picture,
+                                                            ImageView<const float> depth_m,
                                                             std::int64_t capture_us) {
   if (state_ == RoomState::kKnown) return nullptr;
   still_.Add(picture, depth_m);
   if (still_.size() >= frames_) {
-    // Where a robust model exists, a still set must look like it: somebody who stands still is not the empty set.
+    // Where a robust model exists, a still set must look like it: somebody who stands still is not the empty
+    // set.
     if (still_.IsStill() && (!robust_ || still_.Agrees(*robust_))) return Known(still_.EstimateEmpty());
     still_.Clear();
   }
@@ -62,7 +64,8 @@ std::shared_ptr<const BackgroundModel> RoomLearner::Known(Result<BackgroundModel
 
 void RoomLearner::StartRobustEstimate() {
   samples_at_estimate_ = samples_;
-  // A copy of the samples (their pictures are shared): the estimate runs beside the frames that go on arriving.
+  // A copy of the samples (their pictures are shared): the estimate runs beside the frames that go on
+  // arriving.
   estimating_ = std::async(std::launch::async, [samples = spread_] { return samples.EstimateRobust(); });
 }
 

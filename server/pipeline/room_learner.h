@@ -16,9 +16,10 @@ enum class RoomState {
   kKnown,         // the empty set was seen: clean plate, or L still frames
 };
 
-// Learns the empty set while the show runs (piVE 3): the first L consecutive frames that stand still are taken as empty
-// (eq 1-2). Until then, a robust estimate over samples of the last seconds serves, made beside the frame thread.
-// Once the empty set is known nothing changes it any more: what never adapts cannot absorb a standing actor.
+// Learns the empty set while the show runs (piVE 3): the first L consecutive frames that stand still are
+// taken as empty (eq 1-2). Until then, a robust estimate over samples of the last seconds serves, made beside
+// the frame thread. Once the empty set is known nothing changes it any more: what never adapts cannot absorb
+// a standing actor.
 class RoomLearner {
  public:
   // frames: L. width, height: full picture.

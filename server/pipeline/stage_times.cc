@@ -11,7 +11,8 @@ Distribution DistributionOf(std::vector<float> values) {
   if (values.empty()) return d;
   std::sort(values.begin(), values.end());
   auto at = [&](double share) {
-    return static_cast<double>(values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1) + 0.5)]);
+    return static_cast<double>(
+        values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1) + 0.5)]);
   };
   d.p50 = at(0.50);
   d.p95 = at(0.95);

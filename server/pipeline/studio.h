@@ -27,8 +27,8 @@ struct StudioSetup {
   int learn_frames = 30;          // L of piVE eq (1)
 };
 
-// What the frame stages share from one frame to the next: each stage's own worker with its buffers. Owned by the
-// thread that runs the frame stages (`frame` live; the only one in `process`).
+// What the frame stages share from one frame to the next: each stage's own worker with its buffers. Owned by
+// the thread that runs the frame stages (`frame` live; the only one in `process`).
 class Studio {
  public:
   // Fails (kInvalidConfig, kBadInput) when rig and scene do not go together; says what to change.

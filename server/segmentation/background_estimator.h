@@ -16,8 +16,8 @@ namespace mixstage {
 struct BackgroundEstimatorConfig {
   int max_samples = 40;        // 1..120: bounds memory (about 0.8 MB each at 1024x768); piVE's L is 30
   float empty_share = 0.004f;  // a set is still while less than this share of its pixels leaves the noise
-  // Robust estimate: the farthest depth seen in this share of the samples is the room. Half is the median's meaning:
-  // what a thing that was put down hides for most of the take is no longer the room.
+  // Robust estimate: the farthest depth seen in this share of the samples is the room. Half is the median's
+  // meaning: what a thing that was put down hides for most of the take is no longer the room.
   float far_share = 0.5f;
 };
 

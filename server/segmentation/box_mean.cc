@@ -38,9 +38,12 @@ void SumRow(const std::uint8_t* HWY_RESTRICT padded, int width, int taps, std::u
   }
 }
 
-// Division by the area, rounded: (sum + area / 2) times factor, of which the upper 16 bit count.
-void DivideRow(const std::uint16_t* HWY_RESTRICT sum, int width, int area, int factor,
-               std::uint8_t* HWY_RESTRICT out) {
+// out[x] = (sum[x] + area / 2) / area.
+void DivideRow(const std::uint16_t* HWY_RESTRICT sum, int width, int area, std::uint8_t* HWY_RESTRICT out) {
+  // As a product with the largest 16-bit factor 2^(16 + shift) / area, rounded up: exact for sums of bytes.
+  int shift = 0;
+  while (((2 << (16 + shift)) + area - 1) / area < 65536) ++shift;
+  const int factor = ((1 << (16 + shift)) + area - 1) / area;
   const hn::ScalableTag<std::uint16_t> d16;
   const hn::Rebind<std::int16_t, decltype(d16)> d16s;
   const hn::Rebind<std::uint8_t, decltype(d16)> d8;
@@ -49,10 +52,10 @@ void DivideRow(const std::uint16_t* HWY_RESTRICT sum, int width, int area, int f
   const auto by = hn::Set(d16, static_cast<std::uint16_t>(factor));
   int x = 0;
   for (; x + lanes <= width; x += lanes) {
-    const auto mean = hn::MulHigh(hn::Add(hn::LoadU(d16, sum + x), half), by);
+    const auto mean = hn::ShiftRightSame(hn::MulHigh(hn::Add(hn::LoadU(d16, sum + x), half), by), shift);
     hn::StoreU(hn::DemoteTo(d8, hn::BitCast(d16s, mean)), d8, out + x);
   }
-  for (; x < width; ++x) out[x] = static_cast<std::uint8_t>(((sum[x] + area / 2) * factor) >> 16);
+  for (; x < width; ++x) out[x] = static_cast<std::uint8_t>((sum[x] + area / 2) / area);
 }
 
 }  // namespace HWY_NAMESPACE
@@ -72,8 +75,6 @@ void BoxMean::Run(const cv::Mat1b& from, cv::Mat1b* to) {
   to->create(from.size());
   const int taps = 2 * reach_ + 1;
   const int area = taps * taps;
-  // The least factor that is not below 1 / area: whole means come out whole, for sums of up to 225 bytes exactly.
-  const int factor = (65536 + area - 1) / area;
   const auto width = static_cast<std::size_t>(from.cols);
   const auto reach = static_cast<std::size_t>(reach_);
   padded_.resize(width + 2 * reach);
@@ -87,7 +88,33 @@ void BoxMean::Run(const cv::Mat1b& from, cv::Mat1b* to) {
     std::uint16_t* row_sum = row_sums_.data() + width * static_cast<std::size_t>((v + reach_) % taps);
     HWY_DYNAMIC_DISPATCH(SumRow)(padded_.data(), from.cols, taps, row_sum, sums_.data());
     if (v < reach_) continue;
-    HWY_DYNAMIC_DISPATCH(DivideRow)(sums_.data(), from.cols, area, factor, to->ptr<std::uint8_t>(v - reach_));
+    HWY_DYNAMIC_DISPATCH(DivideRow)(sums_.data(), from.cols, area, to->ptr<std::uint8_t>(v - reach_));
+  }
+}
+
+void MeanOf3x3(cv::Mat1f* plane) {
+  MIX_CHECK(plane != nullptr && !plane->empty());
+  const int width = plane->cols;
+  const auto stride = static_cast<std::size_t>(width);
+  // Sums of three in a row, of the row above, this one and the one below; a row is overwritten once both are
+  // known.
+  cv::AutoBuffer<float, 3 * 1024> rows(3 * stride);
+  const auto sum_row = [&](int y) {
+    const float* from = plane->ptr<float>(y);
+    float* __restrict to = rows.data() + stride * static_cast<std::size_t>(y % 3);
+    for (int x = 1; x + 1 < width; ++x) to[x] = from[x - 1] + from[x] + from[x + 1];
+    to[0] = 2 * from[0] + from[std::min(1, width - 1)];
+    if (width > 1) to[width - 1] = from[width - 2] + 2 * from[width - 1];
+  };
+  sum_row(0);
+  for (int y = 0; y < plane->rows; ++y) {
+    if (y + 1 < plane->rows) sum_row(y + 1);
+    const float* above = rows.data() + stride * static_cast<std::size_t>(std::max(y - 1, 0) % 3);
+    const float* own = rows.data() + stride * static_cast<std::size_t>(y % 3);
+    const float* below =
+        rows.data() + stride * static_cast<std::size_t>(std::min(y + 1, plane->rows - 1) % 3);
+    float* __restrict out = plane->ptr<float>(y);
+    for (int x = 0; x < width; ++x) out[x] = (above[x] + own[x] + below[x]) * (1.0f / 9);
   }
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rounded mean over a square of bytes, the picture's border repeated: cv::blur's result, but whole vectors at a time
-// in both directions.
+// Rounded mean over a square of bytes, the picture's border repeated: cv::blur's result, but whole vectors at
+// a time in both directions.
 #pragma once
 
 #include <cstdint>
@@ -19,9 +19,12 @@ class BoxMean {
 
  private:
   int reach_;
-  std::vector<std::uint8_t> padded_;    // a row, its ends repeated
+  std::vector<std::uint8_t> padded_;     // a row, its ends repeated
   std::vector<std::uint16_t> row_sums_;  // of the square's rows, in turn
   std::vector<std::uint16_t> sums_;      // of the square
 };
+
+// The same of a 3x3 square of floats, in place.
+void MeanOf3x3(cv::Mat1f* plane);
 
 }  // namespace mixstage

@@ -6,6 +6,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "proto/base/check.h"
+#include "server/segmentation/box_mean.h"
 #include "server/segmentation/depth_evidence_rows.h"
 
 namespace mixstage {
@@ -15,10 +16,6 @@ constexpr bool HasDepth(float z) { return z > 0; }
 
 // Depth's own grid (5-6 colour pixels for a 176x144 sensor), in quarter pixels.
 constexpr float kGridReach = 2.0f;
-
-void Box(const cv::Mat1f& from, int size, cv::Mat1f* to) {
-  cv::blur(from, *to, {size, size}, {-1, -1}, cv::BORDER_REPLICATE);
-}
 
 }  // namespace
 
@@ -35,8 +32,8 @@ void DepthEvidence::Run(ImageView<const float> depth_m, float age_s, const Backg
                    model.depth_weight.ptr<float>(y), model.log_peak_depth.ptr<float>(y)},
                   size.width, config, weight_.ptr<float>(y), weighted_.ptr<float>(y));
   }
-  Box(weighted_, 3, &weighted_);
-  Box(weight_, 3, &weight_);
+  MeanOf3x3(&weighted_);
+  MeanOf3x3(&weight_);
 
   float sum_m = 0;
   float count = 0;

@@ -64,7 +64,7 @@ void Key::Run(const BackgroundModel& model, const HalfPicture& picture, ImageVie
   tone_ = FindToneChange(picture, model.mean, actor_around_);
   shadow_texture_.Run(picture, model, tone_, &texture_);
   FindColorEvidence(picture, model, tone_, config_.shadow, texture_, &color_);
-  cv::blur(color_.room, room_around_, {5, 5}, {-1, -1}, cv::BORDER_REPLICATE);
+  room_mean_.Run(color_.room, &room_around_);
 
   if (!depth_m.empty() && model.has_depth()) {
     depth_evidence_.Run(depth_m, depth_age_s, model, config_.depth);

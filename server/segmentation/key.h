@@ -10,6 +10,7 @@
 #include "proto/base/image_view.h"
 #include "proto/base/result.h"
 #include "server/segmentation/background_model.h"
+#include "server/segmentation/box_mean.h"
 #include "server/segmentation/color_evidence.h"
 #include "server/segmentation/depth_evidence.h"
 #include "server/segmentation/edge_coverage.h"
@@ -63,6 +64,7 @@ class Key {
   RegionFilter region_filter_;
   EdgeCoverage edge_coverage_;
   ColorEvidence color_;
+  BoxMean room_mean_{2};
   cv::Mat1f texture_;
   cv::Mat1b room_around_;                 // [Half x Half] mean of color_.room over 5x5
   cv::Mat1b depth_small_, inside_small_;  // [Quarter x Quarter] as bytes

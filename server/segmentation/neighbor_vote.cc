@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <opencv2/imgproc.hpp>
 
 #include "server/segmentation/color_evidence.h"
 
@@ -80,7 +79,7 @@ void NeighborVote::Run(const cv::Mat1b& evidence, float strength, int rounds, cv
       HWY_DYNAMIC_DISPATCH(VoteRow)
       (decision->ptr<std::uint8_t>(y), evidence.cols, vote_.ptr<std::uint8_t>(y));
     }
-    cv::blur(vote_, mean_, {7, 7}, {-1, -1}, cv::BORDER_REPLICATE);
+    box_.Run(vote_, &mean_);
     for (int y = 0; y < evidence.rows; ++y) {
       HWY_DYNAMIC_DISPATCH(AddVoteRow)
       (evidence.ptr<std::uint8_t>(y), mean_.ptr<std::uint8_t>(y), weight, evidence.cols,

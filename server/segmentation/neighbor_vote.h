@@ -7,6 +7,8 @@
 
 #include <opencv2/core.hpp>
 
+#include "server/segmentation/box_mean.h"
+
 namespace mixstage {
 
 class NeighborVote {
@@ -16,6 +18,7 @@ class NeighborVote {
   void Run(const cv::Mat1b& evidence, float strength, int rounds, cv::Mat1b* decision);
 
  private:
+  BoxMean box_{3};
   cv::Mat1b vote_, mean_;
 };
 

@@ -2,7 +2,8 @@
 #include "server/segmentation/shadow_texture.h"
 
 #include <algorithm>
-#include <opencv2/imgproc.hpp>
+
+#include "server/segmentation/box_mean.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "server/segmentation/shadow_texture.cc"
@@ -100,9 +101,7 @@ void ShadowTexture::Run(const HalfPicture& picture, const BackgroundModel& model
       (row, picture.width(), tone.luma_gain(), tone.luma_offset(), static_cast<float>(k));
     }
   }
-  for (cv::Mat1f* plane : {&now_now_, &now_room_, &room_room_}) {
-    cv::blur(*plane, *plane, {3, 3}, {-1, -1}, cv::BORDER_REPLICATE);
-  }
+  for (cv::Mat1f* plane : {&now_now_, &now_room_, &room_room_}) MeanOf3x3(plane);
   for (int y = 0; y < rows; ++y) {
     const float* now_now = now_now_.ptr<float>(y);
     const float* now_room = now_room_.ptr<float>(y);

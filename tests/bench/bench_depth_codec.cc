@@ -19,8 +19,8 @@ namespace {
 using mixstage::ThreadCpuMicros;
 using Bytes = std::vector<std::uint8_t>;
 
-// RVL as its paper describes it (Wilson 2017): runs of zeros and of values, values as zigzag differences, both in
-// nibbles with a continuation bit. Written here as the yardstick, encoder only.
+// RVL as its paper describes it (Wilson 2017): runs of zeros and of values, values as zigzag differences,
+// both in nibbles with a continuation bit. Written here as the yardstick, encoder only.
 class Rvl {
  public:
   void Encode(const cv::Mat1w& picture, Bytes& out) {
@@ -84,7 +84,8 @@ double MedianMicros(Work work) {
 }
 
 void Print(const char* name, const Sum& s) {
-  std::printf("  %-32s ratio %6.2f   encode %6.0f MB/s", name, s.raw_bytes / s.packed_bytes, s.raw_bytes / s.encode_us);
+  std::printf("  %-32s ratio %6.2f   encode %6.0f MB/s", name, s.raw_bytes / s.packed_bytes,
+              s.raw_bytes / s.encode_us);
   if (s.decode_us > 0) std::printf("   decode %6.0f MB/s", s.raw_bytes / s.decode_us);
   std::printf("\n");
 }
@@ -121,7 +122,9 @@ int Measure(const std::string& folder, Sum& all) {
     }
     rvl.encode_us += MedianMicros([&] { rvl_encoder.Encode(picture, bytes); });
     rvl.packed_bytes += static_cast<double>(bytes.size());
-    png.encode_us += MedianMicros([&] { cv::imencode(".png", picture, bytes, {cv::IMWRITE_PNG_COMPRESSION, 1}); });
+    png.encode_us += MedianMicros([&] {
+      cv::imencode(".png", picture, bytes, {cv::IMWRITE_PNG_COMPRESSION, 1});
+    });
     png.packed_bytes += static_cast<double>(bytes.size());
     bytes.resize(ZSTD_compressBound(picture.total() * 2));
     std::size_t size = 0;

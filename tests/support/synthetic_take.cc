@@ -59,7 +59,8 @@ Status WriteColor(SyntheticScene& scene, JpegEncoder& jpeg, double t_s, int numb
   std::vector<std::uint8_t> bytes;
   if (auto ok = jpeg.Encode(image, 90, bytes); !ok) return ok;
   const std::string file = "rgb/" + Stem(number) + ".jpg";
-  std::ofstream(out.root / file, std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  std::ofstream(out.root / file, std::ios::binary)
+      .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
   out.rgb << t_s << " " << file << "\n";
   return {};
 }
@@ -72,7 +73,8 @@ Status WriteSyntheticTake(const fs::path& folder, const SyntheticTakeConfig& con
   JpegEncoder jpeg;
   Streams take(folder);
   int depths = 0;
-  for (double t_s = config.begin_s + kDepthPhase_s; t_s < config.end_s; t_s += kDepthPeriod_s) WriteTof(*scene, t_s, depths++, take);
+  for (double t_s = config.begin_s + kDepthPhase_s; t_s < config.end_s; t_s += kDepthPeriod_s)
+    WriteTof(*scene, t_s, depths++, take);
   fs::create_directories(folder / "truth" / "matte");
   fs::create_directories(folder / "truth" / "depth");
   std::ofstream poses(folder / "truth" / "groundtruth.txt");

@@ -12,9 +12,9 @@ struct SyntheticTakeConfig {
   int clean_plate_frames = 10;     // 0 = no clean plate
 };
 
-// Writes a capture folder of the synthetic set (rgb, depth, amplitude, rig.json, clean_plate) and, beside it in
-// truth/: matte/STEM.png (8 bit), depth/STEM.png (16 bit, mm), groundtruth.txt. For tests and demonstrations of
-// `process`; the server never sees the truth.
+// Writes a capture folder of the synthetic set (rgb, depth, amplitude, rig.json, clean_plate) and, beside it
+// in truth/: matte/STEM.png (8 bit), depth/STEM.png (16 bit, mm), groundtruth.txt. For tests and
+// demonstrations of `process`; the server never sees the truth.
 Status WriteSyntheticTake(const std::filesystem::path& folder, const SyntheticTakeConfig& config);
 
 }  // namespace mixstage

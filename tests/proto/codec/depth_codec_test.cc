@@ -15,7 +15,9 @@ cv::Mat1w Noise(int width, int height, unsigned seed, int spread) {
   return picture;
 }
 
-bool Same(const cv::Mat1w& a, const cv::Mat1w& b) { return a.size() == b.size() && cv::countNonZero(a != b) == 0; }
+bool Same(const cv::Mat1w& a, const cv::Mat1w& b) {
+  return a.size() == b.size() && cv::countNonZero(a != b) == 0;
+}
 
 TEST(DepthCodec, DecodeUndoesEncodeForAnyWidthAndAnyValue) {
   DepthEncoder encoder;

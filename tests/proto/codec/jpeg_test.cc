@@ -14,7 +14,8 @@ cv::Mat3b SmoothPicture(int width, int height) {
   cv::Mat3b picture(height, width);
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
-      picture(y, x) = {static_cast<std::uint8_t>(40 + 150 * x / width), static_cast<std::uint8_t>(60 + 120 * y / height),
+      picture(y, x) = {static_cast<std::uint8_t>(40 + 150 * x / width),
+                       static_cast<std::uint8_t>(60 + 120 * y / height),
                        static_cast<std::uint8_t>(200 - 120 * x / width)};
     }
   }

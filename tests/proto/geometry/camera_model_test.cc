@@ -10,12 +10,33 @@ namespace mixstage {
 namespace {
 
 PinholeCamera Strong() {
-  return {.width = 640, .height = 480, .fx = 500, .fy = 505, .cx = 310, .cy = 245, .k1 = -0.25, .k2 = 0.1, .p1 = 1e-3, .p2 = -5e-4};
+  return {.width = 640,
+          .height = 480,
+          .fx = 500,
+          .fy = 505,
+          .cx = 310,
+          .cy = 245,
+          .k1 = -0.25,
+          .k2 = 0.1,
+          .p1 = 1e-3,
+          .p2 = -5e-4};
 }
 // A rational model as Azure-type cameras ship with.
 PinholeCamera Rational() {
-  return {.width = 1280, .height = 720, .fx = 612, .fy = 612, .cx = 639, .cy = 366, .k1 = 0.33, .k2 = -2.49,
-          .p1 = -1.6e-4, .p2 = -1.3e-4, .k3 = 1.45, .k4 = 0.21, .k5 = -2.30, .k6 = 1.38};
+  return {.width = 1280,
+          .height = 720,
+          .fx = 612,
+          .fy = 612,
+          .cx = 639,
+          .cy = 366,
+          .k1 = 0.33,
+          .k2 = -2.49,
+          .p1 = -1.6e-4,
+          .p2 = -1.3e-4,
+          .k3 = 1.45,
+          .k4 = 0.21,
+          .k5 = -2.30,
+          .k6 = 1.38};
 }
 
 TEST(PinholeCamera, UnprojectUndoesProjectEverywhereInThePicture) {
@@ -66,7 +87,8 @@ TEST(UnprojectionTable, HoldsTheRayOfEveryPixelCentre) {
 }
 
 TEST(FisheyeCamera, SeesBehindNinetyDegreesAndComesBack) {
-  const FisheyeCamera camera{.width = 640, .height = 640, .fx = 186, .fy = 186, .cx = 323, .cy = 317, .k1 = 0.012, .k2 = -0.006};
+  const FisheyeCamera camera{
+      .width = 640, .height = 640, .fx = 186, .fy = 186, .cx = 323, .cy = 317, .k1 = 0.012, .k2 = -0.006};
   for (double deg = 0; deg <= 94; deg += 2) {
     const double theta = deg * std::numbers::pi / 180;
     const Eigen::Vector3d ray(std::sin(theta) * 0.6, std::sin(theta) * 0.8, std::cos(theta));

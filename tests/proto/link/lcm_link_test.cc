@@ -15,9 +15,10 @@ TEST(LcmLink, APictureCrossesInsideTheProcess) {
   ASSERT_TRUE((*link)->SelfTest());
   Reassembler reassembler;
   std::vector<EncodedFrame> received;
-  (*link)->Subscribe({.on_slice = [&](const mixstage_lcm::frame_slice_t& s) {
-                        if (auto f = reassembler.Add(s, 0)) received.push_back(*f);
-                      },
+  (*link)->Subscribe({.on_slice =
+                          [&](const mixstage_lcm::frame_slice_t& s) {
+                            if (auto f = reassembler.Add(s, 0)) received.push_back(*f);
+                          },
                       .on_head = {},
                       .on_health = {}});
   EncodedFrame frame;

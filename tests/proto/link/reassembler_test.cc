@@ -102,7 +102,9 @@ TEST(Reassembler, FieldsOutOfRangeAreRefusedByName) {
     change(s);
     const Status status = ValidateSlice(s);
     EXPECT_FALSE(status) << field;
-    if (!status) { EXPECT_NE(status.error().message.find(field), std::string::npos); }
+    if (!status) {
+      EXPECT_NE(status.error().message.find(field), std::string::npos);
+    }
   };
   refused([](Slice& s) { s.epoch = 0; }, "epoch");
   refused([](Slice& s) { s.frame_bytes = 0; }, "frame_bytes");

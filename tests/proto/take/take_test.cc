@@ -82,7 +82,9 @@ TEST_F(TakeTest, BrokenListsAreErrorsWithTheirLine) {
 
 TEST_F(TakeTest, ARigOfAnotherSizeIsRefused) {
   Write("rgb.txt", "1.0 rgb/a.jpg\n");
-  Write("rig.json", R"({"version": 1, "cameras": {"color": {"width": 640, "height": 480, "fx": 500, "fy": 500, "cx": 1, "cy": 1}}})");
+  Write(
+      "rig.json",
+      R"({"version": 1, "cameras": {"color": {"width": 640, "height": 480, "fx": 500, "fy": 500, "cx": 1, "cy": 1}}})");
   const auto rig = RigOfTake(*OpenTake(folder_), {});
   ASSERT_FALSE(rig);
   EXPECT_NE(rig.error().message.find("640 x 480"), std::string::npos);
@@ -99,7 +101,8 @@ TEST_F(TakeTest, PicturesPassAGate) {
   EXPECT_FALSE(LoadDepth16(folder_ / "rgb/b.png", depth));  // 8 bit
   auto bytes = *ReadFileBytes(folder_ / "depth/a.png", 1 << 20);
   bytes[16] = 0x7F;  // a width of two thousand million
-  std::ofstream(folder_ / "bomb.png", std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  std::ofstream(folder_ / "bomb.png", std::ios::binary)
+      .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
   const Status bomb = LoadDepth16(folder_ / "bomb.png", depth);
   ASSERT_FALSE(bomb);
   EXPECT_NE(bomb.error().message.find("over the limit"), std::string::npos) << bomb.error().message;

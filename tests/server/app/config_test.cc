@@ -27,11 +27,14 @@ TEST(StudioConfig, WhatIsPrintedReadsBack) {
 }
 
 TEST(StudioConfig, MistakesNameFileLineAndKey) {
-  const std::pair<const char*, const char*> cases[] = {
-      {"version: 1\nlisten_to: x\n", "listen_to"},     {"version: 2\n", "version"},
-      {"background:\n  learn_frames: 2\n", "learn_frames"}, {"color: {preset: slow}\n", "preset"},
-      {"color: {bitrate_mbps: .nan}\n", "bitrate_mbps"}, {"background: 7\n", "background"},
-      {"name: [a]\n", "name"},                          {"{", "studio.yaml"}};
+  const std::pair<const char*, const char*> cases[] = {{"version: 1\nlisten_to: x\n", "listen_to"},
+                                                       {"version: 2\n", "version"},
+                                                       {"background:\n  learn_frames: 2\n", "learn_frames"},
+                                                       {"color: {preset: slow}\n", "preset"},
+                                                       {"color: {bitrate_mbps: .nan}\n", "bitrate_mbps"},
+                                                       {"background: 7\n", "background"},
+                                                       {"name: [a]\n", "name"},
+                                                       {"{", "studio.yaml"}};
   for (const auto& [text, word] : cases) {
     const auto config = ParseStudioConfig(text, "studio.yaml");
     ASSERT_FALSE(config) << text;

@@ -32,8 +32,11 @@ class ZKeyTest : public testing::Test {
     actor_ = cv::Mat1f::zeros(6, 8);
   }
   void Run() {
-    z_key_.Run({.color = &color_, .alpha = View(std::as_const(alpha_)), .actor_depth_m = View(std::as_const(actor_)),
-                .room = &room_, .cg = &cg_},
+    z_key_.Run({.color = &color_,
+                .alpha = View(std::as_const(alpha_)),
+                .actor_depth_m = View(std::as_const(actor_)),
+                .room = &room_,
+                .cg = &cg_},
                composite_, depth_mm_, cg_alpha_);
   }
   void SetActor(float z, std::uint8_t alpha) {
@@ -105,7 +108,8 @@ TEST_F(ZKeyTest, HalfCoverageIsMixedInLinearLight) {
 }
 
 TEST_F(ZKeyTest, WithoutCgThePictureIsUntouched) {
-  z_key_.Run({.color = &color_, .alpha = {}, .actor_depth_m = {}, .room = nullptr, .cg = nullptr}, composite_, depth_mm_, cg_alpha_);
+  z_key_.Run({.color = &color_, .alpha = {}, .actor_depth_m = {}, .room = nullptr, .cg = nullptr}, composite_,
+             depth_mm_, cg_alpha_);
   EXPECT_EQ(cv::countNonZero(composite_.y != color_.y), 0);
   EXPECT_EQ(cv::countNonZero(depth_mm_), 0);
 }
@@ -169,9 +173,12 @@ TEST(Mix, WholeNumberConversionsAreThoseOfTheCodecWithinOneLevel) {
         const auto x = static_cast<std::uint8_t>(a), y = static_cast<std::uint8_t>(b),
                    z = static_cast<std::uint8_t>(c);
         const Rgb8 rgb = YcbcrToRgb(x, y, z), fixed = FixedYcbcrToRgb(a, b, c);
-        ASSERT_LE(std::max({std::abs(rgb.r - fixed.r), std::abs(rgb.g - fixed.g), std::abs(rgb.b - fixed.b)}), 1);
+        ASSERT_LE(std::max({std::abs(rgb.r - fixed.r), std::abs(rgb.g - fixed.g), std::abs(rgb.b - fixed.b)}),
+                  1);
         const Ycbcr8 ycc = RgbToYcbcr({x, y, z}), whole = FixedRgbToYcbcr({x, y, z});
-        ASSERT_LE(std::max({std::abs(ycc.y - whole.y), std::abs(ycc.cb - whole.cb), std::abs(ycc.cr - whole.cr)}), 1);
+        ASSERT_LE(
+            std::max({std::abs(ycc.y - whole.y), std::abs(ycc.cb - whole.cb), std::abs(ycc.cr - whole.cr)}),
+            1);
       }
     }
   }

@@ -23,13 +23,20 @@ class LiveIngestTest : public testing::Test {
     image.y.setTo(static_cast<double>(sequence));
     image.cb.setTo(128);
     image.cr.setTo(128);
-    EncodedFrame frame{.epoch = epoch, .t_us = t_us, .sequence = sequence, .width = 16, .height = 16, .bytes = {}};
+    EncodedFrame frame{
+        .epoch = epoch, .t_us = t_us, .sequence = sequence, .width = 16, .height = 16, .bytes = {}};
     ASSERT_TRUE(JpegEncoder().Encode(image, 90, frame.bytes));
     Send(frame, t_us + kTravelUs);
   }
   void SendDepth(std::int64_t sequence, std::int64_t t_us, int side = 8) {
-    EncodedFrame frame{.epoch = 7, .t_us = t_us, .sequence = sequence, .stream = Stream::kDepth,
-                       .encoding = Encoding::kDepth16, .width = side, .height = side, .bytes = {}};
+    EncodedFrame frame{.epoch = 7,
+                       .t_us = t_us,
+                       .sequence = sequence,
+                       .stream = Stream::kDepth,
+                       .encoding = Encoding::kDepth16,
+                       .width = side,
+                       .height = side,
+                       .bytes = {}};
     DepthEncoder().Encode(View(cv::Mat1w(side, side, static_cast<std::uint16_t>(sequence + 1))), frame.bytes);
     Send(frame, t_us + kTravelUs);
   }

@@ -82,7 +82,8 @@ TEST_F(StudioTest, LearnsTheEmptySetThenCutsTheFigureOut) {
     called += cv::countNonZero(mine);
     actor += cv::countNonZero(truth);
   }
-  EXPECT_GT(2 * hit / (called + actor), 0.95);  // F; the figure's pale shirt before a pale wall is no easy set
+  EXPECT_GT(2 * hit / (called + actor),
+            0.95);  // F; the figure's pale shirt before a pale wall is no easy set
 }
 
 TEST_F(StudioTest, TheEmptySetHasNoActor) {
