@@ -43,9 +43,12 @@ Status AppendRising(std::vector<Entry>& entries, Entry entry) {
   return {};
 }
 
-bool LeavesTheFolder(const fs::path& relative) {
-  return relative.is_absolute() ||
-         std::any_of(relative.begin(), relative.end(), [](const fs::path& p) { return p == ".."; });
+// The pictures of a take lie inside its folder; those of its clean plate may also be the take's own.
+bool LeavesTheTake(const fs::path& folder, const fs::path& relative) {
+  const bool plate = folder.filename() == "clean_plate" && fs::exists(folder.parent_path() / "rgb.txt");
+  const fs::path root = plate ? folder.parent_path() : folder;
+  const fs::path inside = (folder / relative).lexically_normal().lexically_relative(root.lexically_normal());
+  return relative.is_absolute() || inside.empty() || *inside.begin() == "..";
 }
 
 Status ReadPictureList(Take& take, const char* name, std::vector<TakeEntry>& entries) {
@@ -57,7 +60,7 @@ Status ReadPictureList(Take& take, const char* name, std::vector<TakeEntry>& ent
     TakeEntry entry;
     std::string relative;
     if (!(fields >> entry.t_s >> relative)) return Fail(ErrorCode::kBadInput, "is not \"timestamp file\"");
-    if (LeavesTheFolder(relative))
+    if (LeavesTheTake(take.folder, relative))
       return Fail(ErrorCode::kBadInput, relative + " leads out of the take's folder");
     entry.file = take.folder / relative;
     std::error_code ignored;
@@ -106,7 +109,8 @@ bool IsTumBenchmarkFolder(const fs::path& folder) {
 
 Result<Take> OpenTake(const fs::path& folder) {
   Take take;
-  take.folder = folder;
+  // Without a trailing slash, so that its last part is its name.
+  take.folder = folder.has_filename() ? folder : folder.parent_path();
   std::error_code ignored;
   if (!fs::is_directory(folder, ignored))
     return Fail(ErrorCode::kBadInput, folder.string() + ": is not a folder");

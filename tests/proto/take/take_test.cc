@@ -80,6 +80,17 @@ TEST_F(TakeTest, BrokenListsAreErrorsWithTheirLine) {
   ExpectError("no colour picture");
 }
 
+TEST_F(TakeTest, ACleanPlateMayNameTheTakesOwnPicturesButNoOthers) {
+  Write("rgb.txt", "1.0 rgb/a.jpg\n");
+  fs::create_directories(folder_ / "clean_plate");
+  Write("clean_plate/rgb.txt", "1.0 ../rgb/a.jpg\n");
+  const auto plate = OpenTake(folder_ / "clean_plate/");
+  ASSERT_TRUE(plate) << plate.error().message;
+  EXPECT_EQ(plate->color.size(), 1u);
+  Write("clean_plate/rgb.txt", "1.0 ../../elsewhere.jpg\n");
+  EXPECT_FALSE(OpenTake(folder_ / "clean_plate"));
+}
+
 TEST_F(TakeTest, ARigOfAnotherSizeIsRefused) {
   Write("rgb.txt", "1.0 rgb/a.jpg\n");
   Write(
