@@ -59,11 +59,14 @@ trap 'exit 0' INT TERM
 "${server[@]}" >&2 & started+=($!)
 "${agent[@]}" >&2 & started+=($!)
 url="http://127.0.0.1:$port/"
-for _ in $(seq 100); do
+# Live: the agent's first pictures are there and the empty set is learnt. A person may watch that, a measurement waits.
+wanted='"status"'
+[ -n "$seconds" ] && wanted='"live"'
+for _ in $(seq 300); do
   for pid in "${started[@]}"; do
     kill -0 "$pid" 2>/dev/null || { wait "$pid" && code=0 || code=$?; echo "demo.sh: a program has ended (exit code $code)" >&2; exit 1; }
   done
-  python3 -c "import urllib.request as u; u.urlopen('${url}healthz', timeout=1)" 2>/dev/null && break
+  python3 -c "import sys, urllib.request as u; sys.exit('$wanted' not in u.urlopen('${url}healthz', timeout=1).read().decode())" 2>/dev/null && break
   sleep 0.1
 done
 echo "MixStage is at $url  (Ctrl-C ends it)"

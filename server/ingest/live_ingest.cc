@@ -16,8 +16,7 @@ constexpr std::size_t kMaxAgents = 8;
 
 }  // namespace
 
-LiveIngest::LiveIngest(const Rig& rig, Mailbox<std::shared_ptr<const CapturedFrame>>& out)
-    : rig_(rig), out_(out) {}
+LiveIngest::LiveIngest(const Rig& rig, CapturedFrames& out) : rig_(rig), out_(out) {}
 
 void LiveIngest::OnSlice(const mixstage_lcm::frame_slice_t& slice, std::int64_t now_us) {
   auto encoded = reassembler_.Add(slice, now_us);
@@ -104,7 +103,7 @@ void LiveIngest::OnColor(const EncodedFrame& encoded, std::int64_t now_us) {
     status_.decode_cpu_ms = static_cast<double>(ThreadCpuMicros() - cpu_us) * 1e-3;
     Agent(encoded.epoch, now_us).last_heard_us = now_us;
   }
-  if (out_.Put(std::move(frame))) Drop("late");
+  if (out_.Push(std::move(frame)) > 0) Drop("late");
 }
 
 void LiveIngest::OnDepth(const EncodedFrame& encoded, std::int64_t now_us) {

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "proto/base/mailbox.h"
+#include "proto/base/bounded_queue.h"
 #include "proto/codec/depth_codec.h"
 #include "proto/codec/jpeg.h"
 #include "proto/geometry/rig.h"
@@ -21,6 +21,9 @@
 #include "server/ingest/clock_map.h"
 
 namespace mixstage {
+
+// Frames on their way to the frame thread: WhenFull::kDropOldest, so that the newest are shown.
+using CapturedFrames = BoundedQueue<std::shared_ptr<const CapturedFrame>>;
 
 // What is known of an agent, for the page and the metrics.
 struct AgentStatus {
@@ -40,7 +43,7 @@ struct IngestStatus {
 };
 
 // Slices to paired frames (DESIGN "Time and frames"): reassembles, decodes, maps clocks, pairs colour with
-// the newest depth and puts the frame into the mailbox, where the newest wins. One thread feeds it
+// the newest depth and puts the frame into the queue, where the newest win. One thread feeds it
 // (`ingest`); Status() may be called from any.
 //
 // One agent is followed: the first whose colour arrives, until it has been silent for kSwitchUs. Pictures of
@@ -51,7 +54,7 @@ class LiveIngest {
   static constexpr std::int64_t kDepthStaleUs =
       1'000'000;  // older depth is no depth: the key goes on by colour
 
-  LiveIngest(const Rig& rig, Mailbox<std::shared_ptr<const CapturedFrame>>& out);
+  LiveIngest(const Rig& rig, CapturedFrames& out);
 
   void OnSlice(const mixstage_lcm::frame_slice_t& slice, std::int64_t now_us);
   void OnHead(const mixstage_lcm::head_angles_t& angles, std::int64_t now_us);
@@ -69,7 +72,7 @@ class LiveIngest {
   void Drop(const char* reason, std::int64_t count = 1);
 
   const Rig rig_;
-  Mailbox<std::shared_ptr<const CapturedFrame>>& out_;
+  CapturedFrames& out_;
   Reassembler reassembler_;
   std::int64_t refused_seen_ = 0;
   JpegDecoder jpeg_;

@@ -69,7 +69,7 @@ void LiveShow::RunIngest(const std::stop_token& stop) {
 void LiveShow::RunFrames() {
   NameThread("frame");
   FramePool pool;
-  while (auto captured = captured_.Take()) {
+  while (auto captured = captured_.Pop()) {
     std::shared_ptr<Frame> frame = pool.Take();
     frame->captured = std::move(*captured);
     studio_.Run(*frame, times_);
@@ -77,14 +77,14 @@ void LiveShow::RunFrames() {
       const std::lock_guard lock(mutex_);
       room_state_ = studio_.room_state();
     }
-    if (finished_.Put(std::move(frame))) CountDrop("late");
+    if (finished_.Push(std::move(frame)) > 0) CountDrop("late");
   }
 }
 
 void LiveShow::RunEncode() {
   NameThread("encode");
   std::int64_t bytes_before = 0;
-  while (auto frame = finished_.Take()) {
+  while (auto frame = finished_.Pop()) {
     if (auto ok = broadcast_.Send(**frame, times_); !ok) {
       CountDrop("encoder");
       const std::lock_guard lock(mutex_);

@@ -9,7 +9,7 @@
 #include <string>
 #include <thread>
 
-#include "proto/base/mailbox.h"
+#include "proto/base/bounded_queue.h"
 #include "proto/link/lcm_link.h"
 #include "server/ingest/live_ingest.h"
 #include "server/pipeline/broadcast.h"
@@ -18,8 +18,8 @@
 namespace mixstage {
 
 // The running show: one owner thread for each piece of state, newest wins between them.
-//   ingest   LcmLink, LiveIngest          -> Mailbox of captured frames
-//   frame    Studio (all frame stages)    -> Mailbox of finished frames
+//   ingest   LcmLink, LiveIngest          -> queue of captured frames
+//   frame    Studio (all frame stages)    -> queue of finished frames
 //   encode   Broadcast (H.264, delivery)  -> Gateway, which owns "serve"
 //   stats    twice a second: statistics to the viewers
 class LiveShow {
@@ -27,7 +27,7 @@ class LiveShow {
   // `gateway` must have been started. The show starts at once.
   LiveShow(std::string name, std::unique_ptr<LcmLink> link, Studio studio, Broadcast broadcast,
            Gateway& gateway);
-  ~LiveShow();  // stops: closes every mailbox, then joins
+  ~LiveShow();  // stops: closes every queue, then joins
   LiveShow(const LiveShow&) = delete;
   LiveShow& operator=(const LiveShow&) = delete;
 
@@ -50,8 +50,11 @@ class LiveShow {
   Broadcast broadcast_;
   Gateway& gateway_;
 
-  Mailbox<std::shared_ptr<const CapturedFrame>> captured_;
-  Mailbox<std::shared_ptr<Frame>> finished_;
+  // Two places: one hiccup of the machine costs latency, not a picture; a server that is too slow drops all
+  // the same.
+  static constexpr std::size_t kWaitingFrames = 2;
+  CapturedFrames captured_{kWaitingFrames, WhenFull::kDropOldest};
+  BoundedQueue<std::shared_ptr<Frame>> finished_{kWaitingFrames, WhenFull::kDropOldest};
   LiveIngest ingest_;
   StageTimes times_;
 

@@ -35,27 +35,36 @@ class FragmentShader {
     std::int32_t triangle = 0;   // of its first sample
     std::int32_t column = 0;     // in the layer
     float ray_x = 0, ray_y = 0;  // where it is shaded: the middle of its samples
-    float weight = 0;            // share of the pixel's samples
+    float share = 0;             // of the pixel's samples
   };
-  // What the kernels do not need, but the pixel does.
-  struct Look {
-    const Mesh* mesh = nullptr;
-    const Material* material = nullptr;
-    const std::uint32_t* corners = nullptr;
-    int object_index = 0;
+  // Fragments, one after the other, of one object and material; up to the next surface's begin.
+  struct Surface {
+    std::size_t begin = 0;
+    const CameraObject* object = nullptr;
+    std::uint32_t material_index = 0;
+    [[nodiscard]] const Mesh& mesh() const { return *object->mesh->mesh; }
+    [[nodiscard]] const Material& material() const { return mesh().materials[material_index]; }
+    [[nodiscard]] const TextureMips* texture() const;  // nullptr: none
   };
 
+  void Reserve(std::size_t count);
   void Collect(const FragmentSource& source, int v, const CgLayer& layer);
-  void CollectMixed(const CameraScene& scene, const std::int32_t (&ids)[4], const cv::Vec2f& ray,
-                    float pixel_rad, int column);
-  void Fetch(const CameraScene& scene);
+  // What the kernels read: corners, and what is the same all over a surface.
+  void FetchCorners(const CameraScene& scene);
+  void FetchSurfaces();
+  void Color(std::size_t surface);
   void Resolve(int row, CgLayer& layer) const;
 
+  [[nodiscard]] std::size_t EndOf(std::size_t surface) const {
+    return surface + 1 < surfaces_.size() ? surfaces_[surface + 1].begin : fragments_.size();
+  }
+
   std::vector<Fragment> fragments_;
-  std::vector<Look> looks_;
+  std::vector<Surface> surfaces_;
   std::vector<const TextureMips*> textures_;
   FragmentRows rows_;
   std::vector<float> texture_rgba_;
+  std::vector<float> rgba_;
 };
 
 }  // namespace mixstage

@@ -16,8 +16,8 @@ namespace mixstage {
 
 inline constexpr int kSampleScale = 2;  // samples a pixel and direction
 
-// A corner in the camera's frame, laid out for two vector loads.
-struct CameraVertex {
+// A corner in the camera's frame, laid out for two vector loads from one cache line.
+struct alignas(32) CameraVertex {
   Eigen::Array4f position_u;  // x, y, z, u
   Eigen::Array4f normal_v;    // of any length > 0; v
 };

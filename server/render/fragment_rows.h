@@ -20,6 +20,7 @@ class FragmentRows {
     kTextureWidth,
     kTextureHeight,  // texels of level 0; 0 = no texture
     kShininess,      // Blinn-Phong's exponent, >= 1
+    kShare,          // of the pixel's samples
     // By Interpolate.
     kX,
     kY,

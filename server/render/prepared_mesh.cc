@@ -19,11 +19,10 @@ PreparedMesh::PreparedMesh(std::shared_ptr<const Mesh> source) : mesh(std::move(
       if (material.double_sided != double_sided || IsInvisible(material)) continue;
       for (std::size_t i = part.first_index; i < part.first_index + part.index_count; i += 3) {
         const std::uint32_t* corner = &mesh->indices[i];
-        Triangle triangle;
-        triangle.normal =
+        const Eigen::Vector3f normal =
             (mesh->normals[corner[0]] + mesh->normals[corner[1]] + mesh->normals[corner[2]]).normalized();
-        triangle.material = static_cast<std::uint32_t>(part.material);
-        triangles.push_back(triangle);
+        surface_keys.emplace_back(normal, static_cast<std::uint32_t>(part.material));
+        triangles.push_back({{corner[0], corner[1], corner[2]}, static_cast<std::uint32_t>(part.material)});
         indices.insert(indices.end(), corner, corner + 3);
       }
     }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Where a texture coordinate lies between texels; shared by the scalar and the vector sampler.
+// Where a texture coordinate lies between texels: the specification that the vector sampler follows.
 #pragma once
 
 #include <algorithm>

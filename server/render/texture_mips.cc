@@ -96,9 +96,9 @@ Eigen::Array4f Bilinear(const TextureMips::Level& level, float s, float t) {
   return top + y.share_of_next * (bottom - top);
 }
 
-// The border texel beside texel 0 (or the last): the other end, or the same again.
-cv::Mat4w WithBorder(const cv::Mat4w& image, TextureWrap wrap_u, TextureWrap wrap_v) {
-  cv::Mat4w out(image.rows + 2, image.cols + 2);
+// Writes the image with its border. The border texel beside texel 0 (or the last): the other end, or the same
+// again.
+void WriteWithBorder(const cv::Mat4w& image, TextureWrap wrap_u, TextureWrap wrap_v, cv::Vec4w* out) {
   auto source = [](int i, int size, TextureWrap wrap) {
     if (i >= 0 && i < size) return i;
     const int edge = i < 0 ? 0 : size - 1;
@@ -106,10 +106,9 @@ cv::Mat4w WithBorder(const cv::Mat4w& image, TextureWrap wrap_u, TextureWrap wra
   };
   for (int y = -1; y <= image.rows; ++y) {
     for (int x = -1; x <= image.cols; ++x) {
-      out(y + 1, x + 1) = image(source(y, image.rows, wrap_v), source(x, image.cols, wrap_u));
+      *out++ = image(source(y, image.rows, wrap_v), source(x, image.cols, wrap_u));
     }
   }
-  return out;
 }
 
 }  // namespace
@@ -123,11 +122,23 @@ TextureMips::TextureMips(const Texture& texture) : wrap_u_(texture.wrap_u), wrap
   MIX_CHECK(!texture.rgba.empty());
   cv::Mat4w image = ToLinear(texture.rgba);
   while (std::max(image.rows, image.cols) > kLargestSide) image = Halve(image);
-  for (;;) {
-    images_.push_back(WithBorder(image, wrap_u_, wrap_v_));
-    levels_.push_back({images_.back().ptr<std::uint16_t>(0), image.cols, image.rows, image.cols + 2});
-    if (image.rows == 1 && image.cols == 1) break;
-    image = Halve(image);
+  std::vector<cv::Mat4w> images = {image};
+  while (images.back().rows > 1 || images.back().cols > 1) images.push_back(Halve(images.back()));
+  MIX_CHECK(images.size() <= kMostLevels);
+  int texels = 0;
+  for (const cv::Mat4w& level : images) texels += (level.rows + 2) * (level.cols + 2);
+  texels_.create(1, texels);
+  int first = 0;
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    const cv::Mat4w& level = images[i];
+    const int stride = level.cols + 2;
+    WriteWithBorder(level, wrap_u_, wrap_v_, &texels_(0, first));
+    levels_.push_back({texels_.ptr<std::uint16_t>(0, first), level.cols, level.rows, stride});
+    table_.width[i] = static_cast<float>(level.cols);
+    table_.height[i] = static_cast<float>(level.rows);
+    table_.first[i] = first;
+    table_.stride[i] = stride;
+    first += stride * (level.rows + 2);
   }
 }
 

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <opencv2/core.hpp>
 #include <span>
@@ -28,10 +29,20 @@ class TextureMips {
     }
   };
 
+  // The levels once more, a number an array, for vectors of fragments that each look up their own level.
+  static constexpr std::size_t kMostLevels = 13;  // 4096 .. 1
+  struct LevelTable {
+    std::array<float, kMostLevels> width{}, height{};
+    std::array<std::int32_t, kMostLevels> first{};  // texels from texels() to the level's corner
+    std::array<std::int32_t, kMostLevels> stride{};
+  };
+
   // A side over 4096 px is halved first: no picture of ours shows more.
   explicit TextureMips(const Texture& texture);
 
   [[nodiscard]] std::span<const Level> levels() const { return levels_; }
+  [[nodiscard]] const LevelTable& table() const { return table_; }
+  [[nodiscard]] const std::uint16_t* texels() const { return texels_.ptr<std::uint16_t>(0); }
   [[nodiscard]] TextureWrap wrap_u() const { return wrap_u_; }
   [[nodiscard]] TextureWrap wrap_v() const { return wrap_v_; }
 
@@ -40,8 +51,9 @@ class TextureMips {
   [[nodiscard]] Eigen::Array4f Sample(float u, float v, float texels) const;
 
  private:
-  std::vector<cv::Mat4w> images_;  // with their borders
+  cv::Mat4w texels_;  // [1 x n] all levels with their borders, one after the other
   std::vector<Level> levels_;
+  LevelTable table_;
   TextureWrap wrap_u_, wrap_v_;
 };
 

@@ -7,7 +7,6 @@
 
 #include "proto/base/bounded_queue.h"
 #include "proto/base/crc32c.h"
-#include "proto/base/mailbox.h"
 
 namespace mixstage {
 namespace {
@@ -17,20 +16,6 @@ TEST(Crc32c, GivesTheCheckValueOfTheStandard) {
   EXPECT_EQ(Crc32c({reinterpret_cast<const std::uint8_t*>(kCheck.data()), kCheck.size()}), 0xE3069283u);
   const std::array<std::uint8_t, 32> zeros{};
   EXPECT_EQ(Crc32c(zeros), 0x8A9136AAu);  // RFC 3720 B.4
-}
-
-TEST(Mailbox, NewestWinsAndTheReplacedOneIsReported) {
-  Mailbox<int> box;
-  EXPECT_FALSE(box.Put(1));
-  EXPECT_TRUE(box.Put(2));
-  EXPECT_EQ(box.Take(), 2);
-  EXPECT_FALSE(box.Put(3));
-}
-
-TEST(Mailbox, CloseWakesTheReader) {
-  Mailbox<int> box;
-  std::jthread closer([&] { box.Close(); });
-  EXPECT_EQ(box.Take(), std::nullopt);
 }
 
 TEST(BoundedQueue, DropsTheOldestWhenFull) {

@@ -43,11 +43,11 @@ class LiveIngestTest : public testing::Test {
   void Send(const EncodedFrame& frame, std::int64_t now_us) {
     CutIntoSlices(frame, [&](const mixstage_lcm::frame_slice_t& s) { ingest_.OnSlice(s, now_us); });
   }
-  std::shared_ptr<const CapturedFrame> Newest() { return *out_.Take(); }
+  std::shared_ptr<const CapturedFrame> Newest() { return *out_.Pop(); }
 
   static constexpr std::int64_t kTravelUs = 400;
   Rig rig_;
-  Mailbox<std::shared_ptr<const CapturedFrame>> out_;
+  CapturedFrames out_{1, WhenFull::kDropOldest};
   LiveIngest ingest_;
 };
 

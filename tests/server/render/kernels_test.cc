@@ -7,6 +7,8 @@
 
 #include "server/render/interpolate.h"
 #include "server/render/shade_lights.h"
+#include "server/render/surface_color.h"
+#include "server/render/surface_key.h"
 #include "server/render/texture_mips.h"
 #include "tests/server/render/test_scenes.h"
 
@@ -111,6 +113,62 @@ TEST(RenderKernels, SampleTexturesMatchesItsSpecification) {
     SampleTextures(chosen, rows, vector.data());
     for (std::size_t i = 0; i < 4 * count; ++i) EXPECT_NEAR(scalar[i], vector[i], 1e-4f) << i;
   }
+}
+
+TEST(RenderKernels, ColorSurfaceMatchesItsSpecification) {
+  constexpr std::size_t kCount = 67;
+  constexpr std::size_t kFloats = 4 * (kCount + FragmentRows::kPadding);
+  FragmentRows rows;
+  rows.Resize(kCount);
+  cv::RNG rng(6);
+  auto number = [&] { return static_cast<float>(rng.uniform(0.0, 1.0)); };
+  std::vector<float> texture_rgba(kFloats);
+  for (float& x : texture_rgba) x = number();
+  for (std::size_t i = 0; i < kCount; ++i) {
+    rows.row(Row::kShare)[i] = number();
+    for (int r = Row::kDiffuseR; r <= Row::kSpecularB; ++r) rows.row(static_cast<Row>(r))[i] = number();
+  }
+  Material solid;
+  solid.base_color = {0.2f, 0.5f, 0.9f};
+  solid.metallic = 0.3f;
+  Material masked = solid;
+  masked.alpha_mask = true;
+  masked.alpha_cutoff = 0.4f;
+  // Two surfaces side by side: neither may touch the other's fragments in the end.
+  for (std::size_t border = 0; border <= kCount; ++border) {
+    std::vector<float> scalar(kFloats, -1.0f);
+    std::vector<float> vector(kFloats, -2.0f);
+    ColorSurfaceScalar(solid, 0, border, rows, texture_rgba.data(), scalar.data());
+    ColorSurfaceScalar(masked, border, kCount, rows, texture_rgba.data(), scalar.data());
+    ColorSurface(solid, 0, border, rows, texture_rgba.data(), vector.data());
+    ColorSurface(masked, border, kCount, rows, texture_rgba.data(), vector.data());
+    for (std::size_t i = 0; i < 4 * kCount; ++i)
+      ASSERT_NEAR(scalar[i], vector[i], 1e-5f) << border << " " << i;
+  }
+}
+
+TEST(SurfaceKey, IsOneForOneMaterialAndNormalsThatHardlyDiffer) {
+  const SurfaceKey up({0, 0, 1}, 7);
+  auto tilted = [](float degrees, int axis, std::uint32_t material) {
+    const float angle = degrees * static_cast<float>(M_PI) / 180.0f;
+    Eigen::Vector3f normal(0, 0, std::cos(angle));
+    normal[axis] = std::sin(angle);
+    return SurfaceKey(normal, material);
+  };
+  for (const int axis : {0, 1}) {
+    for (const float sign : {-1.0f, 1.0f}) {
+      EXPECT_TRUE(SurfaceKey::AreOne(up, tilted(sign * 12, axis, 7)));
+      EXPECT_TRUE(SurfaceKey::AreOne(tilted(sign * 12, axis, 7), up));
+      for (const float degrees : {20.0f, 90.0f, 180.0f}) {
+        EXPECT_FALSE(SurfaceKey::AreOne(up, tilted(sign * degrees, axis, 7))) << degrees;
+        EXPECT_FALSE(SurfaceKey::AreOne(tilted(sign * degrees, axis, 7), up)) << degrees;
+      }
+    }
+  }
+  EXPECT_FALSE(SurfaceKey::AreOne(up, tilted(0, 0, 6)));
+  EXPECT_FALSE(SurfaceKey::AreOne(up, tilted(0, 0, 8)));
+  EXPECT_FALSE(SurfaceKey::AreOne(up, up, up, tilted(90, 0, 7)));
+  EXPECT_TRUE(SurfaceKey::AreOne(up, up, up, tilted(5, 1, 7)));
 }
 
 TEST(Interpolate, FindsAPointOfTheTriangle) {
