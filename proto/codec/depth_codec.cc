@@ -114,7 +114,7 @@ std::uint16_t DecodeRow(const std::uint8_t* low, const std::uint8_t* high, int w
 
 struct DepthEncoder::State {
   ZSTD_CCtx* context = ZSTD_createCCtx();
-  std::vector<std::uint8_t> planes;
+  std::vector<std::uint8_t> planes, packed;
   ~State() { ZSTD_freeCCtx(context); }
 };
 
@@ -141,16 +141,24 @@ void DepthEncoder::Encode(ImageView<const std::uint16_t> picture, std::vector<st
     const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(w);
     start = EncodeRow(row, w, start, low + at, high + at);
   }
-  bytes.resize(kHeaderBytes + ZSTD_compressBound(2 * pixels));
-  std::memcpy(bytes.data(), kMagic.data(), kMagic.size());
-  bytes[4] = static_cast<std::uint8_t>(w);
-  bytes[5] = static_cast<std::uint8_t>(w >> 8);
-  bytes[6] = static_cast<std::uint8_t>(h);
-  bytes[7] = static_cast<std::uint8_t>(h >> 8);
-  const std::size_t size = ZSTD_compress2(state_->context, bytes.data() + kHeaderBytes,
-                                          bytes.size() - kHeaderBytes, state_->planes.data(), 2 * pixels);
+  // Packed into memory of ours, which keeps its size: growing `bytes` to the worst case would fill it with
+  // zeros first.
+  const std::size_t worst = ZSTD_compressBound(2 * pixels);
+  if (state_->packed.size() < worst) state_->packed.resize(worst);
+  const std::size_t size = ZSTD_compress2(state_->context, state_->packed.data(), state_->packed.size(),
+                                          state_->planes.data(), 2 * pixels);
   MIX_CHECK(!ZSTD_isError(size));
-  bytes.resize(kHeaderBytes + size);
+  const std::uint8_t header[] = {kMagic[0],
+                                 kMagic[1],
+                                 kMagic[2],
+                                 kMagic[3],
+                                 static_cast<std::uint8_t>(w),
+                                 static_cast<std::uint8_t>(w >> 8),
+                                 static_cast<std::uint8_t>(h),
+                                 static_cast<std::uint8_t>(h >> 8)};
+  static_assert(sizeof header == kHeaderBytes);
+  bytes.assign(header, header + kHeaderBytes);
+  bytes.insert(bytes.end(), state_->packed.data(), state_->packed.data() + size);
 }
 
 struct DepthDecoder::State {
