@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Depth of the empty synthetic room at pixels of the colour camera, as JSON:   synthetic_truth U V TOLERANCE_M [...]
+// Depth of the empty synthetic room at pixels of the colour camera, as JSON:   synthetic_truth U V
+// TOLERANCE_M [...]
 #include <cstdio>
 #include <cstdlib>
 
