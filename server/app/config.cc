@@ -45,18 +45,6 @@ Status ReadEncoder(YamlFields& f, VideoEncoderConfig& encoder) {
   return f.NumberIn("key_frame_interval_s", 0.1, 60, encoder.key_frame_interval_s);
 }
 
-const char* NameOf(EncoderPreset preset) {
-  switch (preset) {
-    case EncoderPreset::kUltrafast:
-      return "ultrafast";
-    case EncoderPreset::kSuperfast:
-      return "superfast";
-    case EncoderPreset::kVeryfast:
-      return "veryfast";
-  }
-  return "";
-}
-
 Status ReadAll(YamlFields& f, const std::string& place, const fs::path& folder, StudioConfig& c) {
   double version = 1;
   if (auto ok = f.NumberIn("version", 1, 1, version); !ok) return ok;
@@ -117,7 +105,7 @@ std::string ToYaml(const StudioConfig& c) {
     if (!value.empty()) out << key << ": " << quoted(fs::absolute(value).string()) << "\n";
   };
   auto encoder = [&](const char* key, const VideoEncoderConfig& e) {
-    out << key << ": {preset: " << NameOf(e.preset) << ", bitrate_mbps: " << e.bitrate_bps * 1e-6
+    out << key << ": {preset: " << PresetName(e.preset) << ", bitrate_mbps: " << e.bitrate_bps * 1e-6
         << ", key_frame_interval_s: " << e.key_frame_interval_s << "}\n";
   };
   out << "version: 1\nname: " << quoted(c.name) << "\nlcm: " << quoted(c.lcm_url) << "\n";

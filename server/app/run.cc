@@ -119,7 +119,7 @@ Status RunShow(const StudioConfig& config) {
   if (!broadcast) return tl::unexpected(broadcast.error());
   gateway.SetHello({.name = config.name, .server_us = 0, .streams = {}});
   {
-    LiveShow show(config.name, std::move(*link), std::move(*studio), std::move(*broadcast), gateway);
+    LiveShow show(std::move(*link), std::move(*studio), std::move(*broadcast), gateway);
     show_for_metrics = &show;
     const std::string host = config.listen.substr(0, config.listen.rfind(':'));
     std::printf("http://%s:%d/\n", host.c_str(), gateway.port());

@@ -10,7 +10,6 @@
 #include "server/delivery/libav.h"
 
 namespace mixstage {
-namespace {
 
 const char* PresetName(EncoderPreset preset) {
   switch (preset) {
@@ -23,6 +22,8 @@ const char* PresetName(EncoderPreset preset) {
   }
   return "ultrafast";
 }
+
+namespace {
 
 Status Validate(const VideoEncoderConfig& config, int width, int height) {
   const auto refuse = [](const std::string& what) {

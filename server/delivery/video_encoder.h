@@ -30,6 +30,7 @@ enum class EncoderPreset {
 };
 // "ultrafast", "superfast", "veryfast"; fails (kInvalidConfig) on anything else.
 Result<EncoderPreset> ParseEncoderPreset(const std::string& name);
+[[nodiscard]] const char* PresetName(EncoderPreset preset);
 
 struct VideoEncoderConfig {
   VideoFormat format = VideoFormat::kColor8;

@@ -32,10 +32,8 @@ std::string Sentence(const char* format, double value) {
 
 }  // namespace
 
-LiveShow::LiveShow(std::string name, std::unique_ptr<LcmLink> link, Studio studio, Broadcast broadcast,
-                   Gateway& gateway)
-    : name_(std::move(name)),
-      link_(std::move(link)),
+LiveShow::LiveShow(std::unique_ptr<LcmLink> link, Studio studio, Broadcast broadcast, Gateway& gateway)
+    : link_(std::move(link)),
       studio_(std::move(studio)),
       broadcast_(std::move(broadcast)),
       gateway_(gateway),

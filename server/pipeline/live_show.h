@@ -25,8 +25,7 @@ namespace mixstage {
 class LiveShow {
  public:
   // `gateway` must have been started. The show starts at once.
-  LiveShow(std::string name, std::unique_ptr<LcmLink> link, Studio studio, Broadcast broadcast,
-           Gateway& gateway);
+  LiveShow(std::unique_ptr<LcmLink> link, Studio studio, Broadcast broadcast, Gateway& gateway);
   ~LiveShow();  // stops: closes every queue, then joins
   LiveShow(const LiveShow&) = delete;
   LiveShow& operator=(const LiveShow&) = delete;
@@ -44,7 +43,6 @@ class LiveShow {
   [[nodiscard]] WatchStats Stats() const;
   void CountDrop(const char* reason);
 
-  const std::string name_;
   std::unique_ptr<LcmLink> link_;
   Studio studio_;
   Broadcast broadcast_;
