@@ -119,8 +119,8 @@ std::string LiveShow::failure() const {
 }
 
 WatchStats LiveShow::Stats() const {
-  const std::int64_t now_us = MonotonicMicros();
   const IngestStatus in = ingest_.Status();
+  const std::int64_t now_us = MonotonicMicros();  // after the status: no age may be negative
   WatchStats stats;
   stats.server_us = now_us;
   stats.width = studio_.rig().color.width;
