@@ -91,6 +91,14 @@ YuvImage FromBgr(const cv::Mat3b& bgr, ChromaLayout layout) {
   return image;
 }
 
+YuvImage Crop(const YuvImage& image, const cv::Rect& part) {
+  MIX_CHECK((part & cv::Rect(0, 0, image.width(), image.height())) == part && !part.empty());
+  MIX_CHECK(part.x % 2 == 0 && part.y % 2 == 0);
+  const int x = ChromaShiftX(image.layout), y = ChromaShiftY(image.layout);
+  const cv::Rect chroma(part.x >> x, part.y >> y, (part.width + x) >> x, (part.height + y) >> y);
+  return {image.layout, image.y(part), image.cb(chroma), image.cr(chroma)};
+}
+
 YuvImage To420(const YuvImage& image) {
   if (image.layout == ChromaLayout::k420) return image;
   YuvImage out;

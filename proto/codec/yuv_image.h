@@ -52,6 +52,10 @@ struct Ycbcr8 {
 [[nodiscard]] cv::Mat3b ToBgr(const YuvImage& image);
 [[nodiscard]] YuvImage FromBgr(const cv::Mat3b& bgr, ChromaLayout layout);
 
+// A part of a picture; shares its planes. `part` lies inside the picture and begins at even columns and rows
+// (checked).
+[[nodiscard]] YuvImage Crop(const YuvImage& image, const cv::Rect& part);
+
 // Same picture with 4:2:0 chroma (box average). Shares the planes when it already is.
 [[nodiscard]] YuvImage To420(const YuvImage& image);
 

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "proto/watch/picture_message.h"
 
-#include <bit>
 #include <cmath>
 #include <cstring>
 
 #include "proto/base/check.h"
+#include "proto/watch/message_bytes.h"
 
 namespace mixstage {
 namespace {
@@ -13,25 +13,21 @@ namespace {
 constexpr std::uint32_t kMagic = 0x3157584D;  // "MXW1"
 constexpr std::uint8_t kKeyFrameFlag = 1;
 
-// Byte by byte, so that neither alignment nor the machine's byte order matters.
-template <typename T>
-T ReadLittle(const std::uint8_t* bytes) {
-  std::uint64_t value = 0;
-  for (std::size_t i = 0; i < sizeof(T); ++i) value |= std::uint64_t{bytes[i]} << (8 * i);
-  return static_cast<T>(value);
-}
-float ReadFloat(const std::uint8_t* bytes) { return std::bit_cast<float>(ReadLittle<std::uint32_t>(bytes)); }
-
-template <typename T>
-void WriteLittle(T value, std::uint8_t* bytes) {
-  for (std::size_t i = 0; i < sizeof(T); ++i) {
-    bytes[i] = static_cast<std::uint8_t>(static_cast<std::uint64_t>(value) >> (8 * i));
-  }
-}
-
 }  // namespace
 
-std::string_view StreamName(WatchStream stream) { return stream == WatchStream::kColor ? "color" : "depth"; }
+std::string_view StreamName(WatchStream stream) {
+  switch (stream) {
+    case WatchStream::kColor:
+      return "color";
+    case WatchStream::kDepth:
+      return "depth";
+    case WatchStream::kActorMesh:
+    case WatchStream::kRoomMesh:
+    case WatchStream::kObjectMesh:
+      return "mesh";
+  }
+  return "unknown";
+}
 
 std::string_view RefusalName(WatchRefusal refusal) {
   switch (refusal) {
@@ -47,11 +43,18 @@ std::string_view RefusalName(WatchRefusal refusal) {
       return "stream";
     case WatchRefusal::kRange:
       return "range";
+    case WatchRefusal::kParts:
+      return "parts";
+    case WatchRefusal::kId:
+      return "id";
+    case WatchRefusal::kPose:
+      return "pose";
   }
   return "unknown";
 }
 
-tl::expected<WatchPictureView, WatchRefusal> ReadWatchPicture(std::span<const std::uint8_t> message) {
+tl::expected<WatchPictureView, WatchRefusal> ReadWatchMessage(std::span<const std::uint8_t> message,
+                                                              WatchStream first, WatchStream last) {
   if (message.size() < kWatchHeaderBytes) return tl::unexpected(WatchRefusal::kShort);
   const std::uint8_t* bytes = message.data();
   if (ReadLittle<std::uint32_t>(bytes) != kMagic) return tl::unexpected(WatchRefusal::kMagic);
@@ -64,30 +67,24 @@ tl::expected<WatchPictureView, WatchRefusal> ReadWatchPicture(std::span<const st
       payload_bytes != message.size() - header_bytes) {
     return tl::unexpected(WatchRefusal::kLength);
   }
-  if (bytes[4] != 1 && bytes[4] != 2) return tl::unexpected(WatchRefusal::kStream);
-  WatchPictureView picture;
-  picture.header.stream = static_cast<WatchStream>(bytes[4]);
-  picture.header.key_frame = (bytes[5] & kKeyFrameFlag) != 0;
-  picture.header.frame = ReadLittle<std::uint64_t>(bytes + 8);
-  picture.header.capture_us = ReadLittle<std::int64_t>(bytes + 16);
-  picture.header.encoded_us = ReadLittle<std::int64_t>(bytes + 24);
-  if (picture.header.stream == WatchStream::kDepth) {
-    const float near_m = ReadFloat(bytes + 36);
-    const float far_m = ReadFloat(bytes + 40);
-    if (!std::isfinite(near_m) || !std::isfinite(far_m) || !(0 < near_m && near_m < far_m)) {
-      return tl::unexpected(WatchRefusal::kRange);
-    }
-    picture.header.near_m = near_m;
-    picture.header.far_m = far_m;
+  if (bytes[4] < static_cast<std::uint8_t>(first) || bytes[4] > static_cast<std::uint8_t>(last)) {
+    return tl::unexpected(WatchRefusal::kStream);
   }
-  picture.payload = message.subspan(header_bytes);
-  return picture;
+  WatchPictureView read;
+  read.header.stream = static_cast<WatchStream>(bytes[4]);
+  read.header.key_frame = (bytes[5] & kKeyFrameFlag) != 0;
+  read.header.frame = ReadLittle<std::uint64_t>(bytes + 8);
+  read.header.capture_us = ReadLittle<std::int64_t>(bytes + 16);
+  read.header.encoded_us = ReadLittle<std::int64_t>(bytes + 24);
+  read.header.near_m = ReadFloat(bytes + 36);
+  read.header.far_m = ReadFloat(bytes + 40);
+  read.payload = message.subspan(header_bytes);
+  return read;
 }
 
-std::vector<std::uint8_t> WriteWatchPicture(const WatchHeader& header,
-                                            std::span<const std::uint8_t> payload) {
-  MIX_CHECK(!payload.empty() && payload.size() <= kMaxWatchPayloadBytes);
-  std::vector<std::uint8_t> message(kWatchHeaderBytes + payload.size());
+std::vector<std::uint8_t> BeginWatchMessage(const WatchHeader& header, std::size_t payload_bytes) {
+  MIX_CHECK(payload_bytes > 0 && payload_bytes <= kMaxWatchPayloadBytes);
+  std::vector<std::uint8_t> message(kWatchHeaderBytes + payload_bytes);
   std::uint8_t* bytes = message.data();
   WriteLittle(kMagic, bytes);
   bytes[4] = static_cast<std::uint8_t>(header.stream);
@@ -96,10 +93,29 @@ std::vector<std::uint8_t> WriteWatchPicture(const WatchHeader& header,
   WriteLittle(header.frame, bytes + 8);
   WriteLittle(header.capture_us, bytes + 16);
   WriteLittle(header.encoded_us, bytes + 24);
-  WriteLittle(static_cast<std::uint32_t>(payload.size()), bytes + 32);
-  WriteLittle(std::bit_cast<std::uint32_t>(header.near_m), bytes + 36);
-  WriteLittle(std::bit_cast<std::uint32_t>(header.far_m), bytes + 40);
-  std::memcpy(bytes + kWatchHeaderBytes, payload.data(), payload.size());
+  WriteLittle(static_cast<std::uint32_t>(payload_bytes), bytes + 32);
+  WriteFloat(header.near_m, bytes + 36);
+  WriteFloat(header.far_m, bytes + 40);
+  return message;
+}
+
+tl::expected<WatchPictureView, WatchRefusal> ReadWatchPicture(std::span<const std::uint8_t> message) {
+  auto picture = ReadWatchMessage(message, WatchStream::kColor, WatchStream::kDepth);
+  if (!picture) return picture;
+  WatchHeader& header = picture->header;
+  if (header.stream == WatchStream::kColor) {
+    header.near_m = header.far_m = 0;
+  } else if (!std::isfinite(header.near_m) || !std::isfinite(header.far_m) ||
+             !(0 < header.near_m && header.near_m < header.far_m)) {
+    return tl::unexpected(WatchRefusal::kRange);
+  }
+  return picture;
+}
+
+std::vector<std::uint8_t> WriteWatchPicture(const WatchHeader& header,
+                                            std::span<const std::uint8_t> payload) {
+  std::vector<std::uint8_t> message = BeginWatchMessage(header, payload.size());
+  std::memcpy(message.data() + kWatchHeaderBytes, payload.data(), payload.size());
   return message;
 }
 

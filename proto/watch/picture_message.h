@@ -15,13 +15,17 @@ namespace mixstage {
 enum class WatchStream : std::uint8_t {
   kColor = 1,  // the composite, 8 bit
   kDepth = 2,  // depth, matte and label, 10 bit
+  kActorMesh = 3,
+  kRoomMesh = 4,
+  kObjectMesh = 5,
 };
+// The streams of pictures; meshes (mesh_message.h) are whole in each message.
 inline constexpr std::size_t kWatchStreams = 2;
 // 0 for colour, 1 for depth: a place in an array of kWatchStreams.
 [[nodiscard]] constexpr std::size_t StreamIndex(WatchStream stream) {
   return static_cast<std::size_t>(stream) - 1;
 }
-// "color", "depth": the names in text messages.
+// "color", "depth", and "mesh" for all three of meshes: the names in text messages.
 [[nodiscard]] std::string_view StreamName(WatchStream stream);
 
 inline constexpr std::size_t kWatchHeaderBytes = 48;
@@ -43,7 +47,7 @@ struct WatchPictureView {
   std::span<const std::uint8_t> payload;  // inside the message that was read
 };
 
-// Why a message was refused, in the order the checks are made.
+// Why a message was refused, in the order the checks are made (the last three: meshes only).
 enum class WatchRefusal {
   kShort = 1,  // fewer than 48 bytes
   kMagic,
@@ -51,6 +55,9 @@ enum class WatchRefusal {
   kLength,  // payload_bytes is 0, too large or does not fit the message exactly
   kStream,
   kRange,  // depth stream: not 0 < near_m < far_m, or not finite
+  kParts,  // the payload is not 60 bytes, mesh and texture; a part is missing or too large
+  kId,     // objects have an id from 1, actor and room the id 0
+  kPose,   // a number of T_scene_color is not finite
 };
 // "short", "magic", ...: the names in SPEC.md, for counters.
 [[nodiscard]] std::string_view RefusalName(WatchRefusal refusal);

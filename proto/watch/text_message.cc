@@ -51,6 +51,20 @@ Result<WatchStream> ParseStream(const std::string& name) {
   return Fail(ErrorCode::kBadInput, "streams holds a name that is neither color nor depth");
 }
 
+Result<WatchCamera> ParseCamera(const JsonFields& fields) {
+  WatchCamera camera;
+  JsonReader read(fields);
+  read.Int("width", 1, 16384, &camera.width);
+  read.Int("height", 1, 16384, &camera.height);
+  read.Double("fx", &camera.fx);
+  read.Double("fy", &camera.fy);
+  read.Double("cx", &camera.cx);
+  read.Double("cy", &camera.cy);
+  if (!read.status()) return tl::unexpected(read.status().error());
+  if (!(camera.fx > 0 && camera.fy > 0)) return Fail(ErrorCode::kBadInput, "fx or fy is not above 0");
+  return camera;
+}
+
 Result<ServerMessage> ParseHello(const JsonFields& fields) {
   WatchHello hello;
   int protocol = 0;
@@ -78,6 +92,11 @@ Result<ServerMessage> ParseHello(const JsonFields& fields) {
     if (!stream) continue;  // one that a later version added
     info.stream = *stream;
     hello.streams.push_back(std::move(info));
+  }
+  if (const auto camera = fields.find("camera"); camera != fields.end()) {
+    auto parsed = ParseCamera(*camera);
+    if (!parsed) return Within("hello: camera", parsed.error());
+    hello.camera = *parsed;
   }
   return hello;
 }
@@ -140,15 +159,22 @@ Result<ServerMessage> ParseStats(const JsonFields& fields) {
 Result<ViewerMessage> ParseSubscribe(const JsonFields& fields) {
   const Json* streams = nullptr;
   JsonReader read(fields);
-  read.List("streams", kWatchStreams, &streams);
+  read.List("streams", 3, &streams);
   if (!read.status()) return Within("subscribe", read.status().error());
   WatchSubscribe subscribe;
   for (const Json& item : *streams) {
     if (!item.is_string())
       return Fail(ErrorCode::kBadInput, "subscribe: streams holds something else than names");
-    const Result<WatchStream> stream = ParseStream(item.get_ref<const std::string&>());
-    if (!stream) return Within("subscribe", stream.error());
-    (*stream == WatchStream::kColor ? subscribe.color : subscribe.depth) = true;
+    const auto& name = item.get_ref<const std::string&>();
+    if (name == StreamName(WatchStream::kColor)) {
+      subscribe.color = true;
+    } else if (name == StreamName(WatchStream::kDepth)) {
+      subscribe.depth = true;
+    } else if (name == StreamName(WatchStream::kActorMesh)) {
+      subscribe.mesh = true;
+    } else {
+      return Fail(ErrorCode::kBadInput, "subscribe: streams holds a name that is none of color, depth, mesh");
+    }
   }
   return subscribe;
 }
@@ -181,11 +207,17 @@ std::string ToJson(const WatchHello& hello) {
                        {"width", info.width},
                        {"height", info.height}});
   }
-  return Dump({{"type", "hello"},
+  Json json = {{"type", "hello"},
                {"protocol", kWatchProtocol},
                {"name", hello.name},
                {"server_us", hello.server_us},
-               {"streams", std::move(streams)}});
+               {"streams", std::move(streams)}};
+  if (hello.camera) {
+    const WatchCamera& c = *hello.camera;
+    json["camera"] = {{"width", c.width},   {"height", c.height}, {"fx", Finite(c.fx)},
+                      {"fy", Finite(c.fy)}, {"cx", Finite(c.cx)}, {"cy", Finite(c.cy)}};
+  }
+  return Dump(json);
 }
 
 std::string ToJson(const WatchStats& stats) {
@@ -224,6 +256,7 @@ std::string ToJson(const WatchSubscribe& subscribe) {
   Json streams = Json::array();
   if (subscribe.color) streams.push_back(StreamName(WatchStream::kColor));
   if (subscribe.depth) streams.push_back(StreamName(WatchStream::kDepth));
+  if (subscribe.mesh) streams.push_back(StreamName(WatchStream::kActorMesh));
   return Dump({{"type", "subscribe"}, {"streams", std::move(streams)}});
 }
 

@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <variant>
@@ -29,10 +30,18 @@ struct WatchStreamInfo {
   bool operator==(const WatchStreamInfo&) const = default;
 };
 
+// The colour camera without its distortion: pixel = (fx x/z + cx, fy y/z + cy).
+struct WatchCamera {
+  int width = 0, height = 0;
+  double fx = 0, fy = 0, cx = 0, cy = 0;  // px
+  bool operator==(const WatchCamera&) const = default;
+};
+
 struct WatchHello {
   std::string name{};  // of the show
   std::int64_t server_us = 0;
   std::vector<WatchStreamInfo> streams{};  // empty until a first picture came
+  std::optional<WatchCamera> camera{};     // nothing while it is not known
 };
 
 struct WatchStage {
@@ -85,7 +94,7 @@ struct WatchPing {
   double viewer_us = 0;
 };
 struct WatchSubscribe {
-  bool color = false, depth = false;
+  bool color = false, depth = false, mesh = false;
 };
 struct WatchKeyFrameWish {};
 

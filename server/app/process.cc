@@ -227,8 +227,7 @@ Result<std::string> RunProcess(const ProcessOptions& options) {
   for (const std::string& warning : totals.warnings) spdlog::warn("process {}", warning);
   std::optional<Broadcast> broadcast;
   if (options.encode) {
-    auto created =
-        Broadcast::Create({}, studio->rig().color.width, studio->rig().color.height, "process", nullptr);
+    auto created = Broadcast::Create({}, studio->rig().color, "process", nullptr);
     if (!created) return tl::unexpected(created.error());
     broadcast = std::move(*created);
   }

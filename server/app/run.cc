@@ -78,8 +78,7 @@ Result<Studio> OpenStudio(const StudioConfig& config) {
 Status CheckShow(const StudioConfig& config) {
   auto studio = OpenStudio(config);
   if (!studio) return tl::unexpected(studio.error());
-  auto broadcast = Broadcast::Create({config.color, config.depth}, studio->rig().color.width,
-                                     studio->rig().color.height, config.name, nullptr);
+  auto broadcast = Broadcast::Create({config.color, config.depth}, studio->rig().color, config.name, nullptr);
   if (!broadcast) return tl::unexpected(broadcast.error());
   return {};
 }
@@ -114,12 +113,14 @@ Status RunShow(const StudioConfig& config) {
     return show != nullptr ? show->MetricsText() : std::string();
   });
   if (auto ok = gateway.Start(); !ok) return ok;
-  auto broadcast = Broadcast::Create({config.color, config.depth}, studio->rig().color.width,
-                                     studio->rig().color.height, config.name, &gateway);
+  auto broadcast =
+      Broadcast::Create({config.color, config.depth}, studio->rig().color, config.name, &gateway);
   if (!broadcast) return tl::unexpected(broadcast.error());
+  auto meshes = MeshBroadcast::Create(studio->rig().color, gateway);
+  if (!meshes) return tl::unexpected(meshes.error());
   gateway.SetHello({.name = config.name, .server_us = 0, .streams = {}});
   {
-    LiveShow show(std::move(*link), std::move(*studio), std::move(*broadcast), gateway);
+    LiveShow show(std::move(*link), std::move(*studio), std::move(*broadcast), std::move(*meshes), gateway);
     show_for_metrics = &show;
     const std::string host = config.listen.substr(0, config.listen.rfind(':'));
     std::printf("http://%s:%d/\n", host.c_str(), gateway.port());

@@ -10,6 +10,7 @@
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
+#include <map>
 #include <mutex>
 #include <optional>
 #include <thread>
@@ -108,6 +109,25 @@ class Gateway::Impl {
     }
     Wake();
   }
+  void PublishMesh(std::shared_ptr<const MeshMessage> mesh) {
+    MIX_CHECK(mesh != nullptr);
+    {
+      const std::lock_guard lock(mutex_);
+      if (mesh->stream == WatchStream::kActorMesh) {
+        inbox_.actor_mesh = std::move(mesh);
+      } else {
+        inbox_.standing_meshes[{mesh->stream, mesh->id}] = mesh;
+      }
+    }
+    Wake();
+  }
+  void RemoveMesh(WatchStream stream, std::uint32_t id) {
+    {
+      const std::lock_guard lock(mutex_);
+      inbox_.standing_meshes[{stream, id}] = nullptr;
+    }
+    Wake();
+  }
   void PublishStats(std::string stats) {
     {
       const std::lock_guard lock(mutex_);
@@ -130,6 +150,9 @@ class Gateway::Impl {
   // What other threads left for `serve`.
   struct Inbox {
     std::vector<std::shared_ptr<const WatchPicture>> pictures;
+    std::shared_ptr<const MeshMessage> actor_mesh;  // the newest
+    // The last word on each; null: it is to go.
+    std::map<std::pair<WatchStream, std::uint32_t>, std::shared_ptr<const MeshMessage>> standing_meshes;
     std::optional<std::string> stats;
     std::optional<WatchHello> hello;
     bool gap = false;
@@ -178,6 +201,8 @@ class Gateway::Impl {
       if (inbox.gap) hub_.AfterGap();
       if (inbox.hello) hub_.SetHello(std::move(*inbox.hello));
       for (const auto& picture : inbox.pictures) hub_.Publish(picture);
+      for (const auto& [key, mesh] : inbox.standing_meshes) hub_.ReplaceMesh(key.first, key.second, mesh);
+      if (inbox.actor_mesh) hub_.PublishActorMesh(inbox.actor_mesh);
       if (inbox.stats) hub_.PublishStats(std::move(*inbox.stats));
     });
   }
@@ -253,6 +278,8 @@ Status Gateway::Start() { return impl_->Start(); }
 void Gateway::Stop() { impl_->Stop(); }
 std::uint16_t Gateway::port() const { return impl_->port(); }
 void Gateway::Publish(std::shared_ptr<const WatchPicture> picture) { impl_->Publish(std::move(picture)); }
+void Gateway::PublishMesh(std::shared_ptr<const MeshMessage> mesh) { impl_->PublishMesh(std::move(mesh)); }
+void Gateway::RemoveMesh(WatchStream stream, std::uint32_t id) { impl_->RemoveMesh(stream, id); }
 void Gateway::PublishStats(std::string stats_json) { impl_->PublishStats(std::move(stats_json)); }
 void Gateway::SetHello(WatchHello hello) { impl_->SetHello(std::move(hello)); }
 bool Gateway::TakeKeyFrameRequest() { return impl_->hub().TakeKeyFrameRequest(MonotonicMicros()); }
@@ -264,7 +291,10 @@ GatewayCounters Gateway::counters() const {
           .viewers = c.viewers,
           .pictures_sent = c.pictures_sent,
           .bytes_sent = c.bytes_sent,
+          .meshes_sent = c.meshes_sent,
+          .mesh_bytes_sent = c.mesh_bytes_sent,
           .dropped_viewer_slow = c.dropped_viewer_slow,
+          .dropped_mesh_slow = c.dropped_mesh_slow,
           .dropped_publish = c.dropped_publish,
           .closed_slow = c.closed_slow,
           .closed_message = c.closed_message,

@@ -5,7 +5,7 @@
 //
 // A picture is encoded once and shared by all viewers. A viewer that does not read fast enough is set back to
 // the next key frame, its queue emptied; one that reads nothing for `stall_timeout_s` is closed. Nobody waits
-// for it.
+// for it. Meshes go to whoever subscribed to them: of the actor's the newest, of standing ones each once.
 #pragma once
 
 #include <cstdint>
@@ -16,6 +16,7 @@
 
 #include "proto/base/result.h"
 #include "proto/watch/text_message.h"
+#include "server/delivery/standing_meshes.h"
 #include "server/delivery/watch_picture.h"
 
 namespace mixstage {
@@ -38,8 +39,10 @@ struct GatewayConfig {
 struct GatewayCounters {
   std::uint64_t connections = 0, viewers = 0;
   std::uint64_t pictures_sent = 0, bytes_sent = 0;  // of pictures, summed over viewers
-  std::uint64_t dropped_viewer_slow = 0;            // pictures that a slow viewer did not get
-  std::uint64_t dropped_publish = 0;  // pictures that `serve` did not come to take (a bug's sign)
+  std::uint64_t meshes_sent = 0, mesh_bytes_sent = 0;
+  std::uint64_t dropped_viewer_slow = 0;  // pictures that a slow viewer did not get
+  std::uint64_t dropped_mesh_slow = 0;    // meshes of the actor that a slow viewer did not get
+  std::uint64_t dropped_publish = 0;      // pictures that `serve` did not come to take (a bug's sign)
   std::uint64_t closed_slow = 0, closed_message = 0,
                 closed_rate = 0;                       // viewers closed: stalled, bad message, flood
   std::uint64_t refused_origin = 0, refused_full = 0;  // wrong Origin or Host; limits reached
@@ -65,6 +68,10 @@ class Gateway {
   // ---- Any thread, any time, never blocking ----
   // Pictures of one stream in the order of encoding, none left out between key frames.
   void Publish(std::shared_ptr<const WatchPicture> picture);
+  // The actor's mesh goes out once. Those of the room and of objects stand: everyone who subscribes gets
+  // them, now or later, until they are replaced or removed.
+  void PublishMesh(std::shared_ptr<const MeshMessage> mesh);
+  void RemoveMesh(WatchStream stream, std::uint32_t id);
   // A `stats` message (ToJson(WatchStats)); its `state` is what /healthz says.
   void PublishStats(std::string stats_json);
   // Sent to every viewer who comes, and now to those who are there. server_us is filled in at sending.
@@ -72,7 +79,8 @@ class Gateway {
   // True when a viewer waits for a key frame, at most twice a second: the next picture of both streams should
   // be one.
   [[nodiscard]] bool TakeKeyFrameRequest();
-  // Whether any viewer has subscribed to the stream: if not, encoding can be left out.
+  // Whether any viewer has subscribed to the stream (to meshes: any of their streams): if not, encoding can
+  // be left out.
   [[nodiscard]] bool WantsStream(WatchStream stream) const;
   [[nodiscard]] GatewayCounters counters() const;
 

@@ -96,7 +96,36 @@ void ViewerConnection::SendPicture(const std::shared_ptr<const WatchPicture>& pi
   stream.may_ask = true;
   ++queued_pictures_;
   queued_bytes_ += picture->message.size();
-  queue_.push_back({picture, nullptr});
+  queue_.push_back({.picture = picture});
+  Write();
+}
+
+void ViewerConnection::SendActorMesh(const std::shared_ptr<const MeshMessage>& mesh) {
+  if (closing_ || finished_ || !meshes_) return;
+  const auto waiting = std::find_if(
+      queue_.begin() + (writing_ ? 1 : 0), queue_.end(),
+      [](const Outgoing& out) { return out.mesh != nullptr && out.mesh->stream == WatchStream::kActorMesh; });
+  if (waiting != queue_.end()) {
+    ++hub_.counters.dropped_mesh_slow;
+    waiting->mesh = mesh;
+    return;
+  }
+  // Pictures first: a mesh may not be what pushes them out.
+  if (2 * queued_pictures_ > hub_.config().queued_pictures) {
+    ++hub_.counters.dropped_mesh_slow;
+    return;
+  }
+  queue_.push_back({.mesh = mesh});
+  Write();
+}
+
+void ViewerConnection::SendStandingMeshes() {
+  if (closing_ || finished_ || !meshes_ || standing_queued_) return;
+  StandingMeshes::Numbered next = hub_.standing_meshes().After(standing_sent_);
+  if (next.mesh == nullptr) return;
+  standing_queued_ = true;
+  standing_sent_ = next.number;
+  queue_.push_back({.mesh = std::move(next.mesh)});
   Write();
 }
 
@@ -106,7 +135,7 @@ void ViewerConnection::SendText(std::shared_ptr<const std::string> text) {
     ++hub_.counters.closed_slow;
     return Abort();
   }
-  queue_.push_back({nullptr, std::move(text)});
+  queue_.push_back({.text = std::move(text)});
   Write();
 }
 
@@ -132,8 +161,9 @@ void ViewerConnection::Write() {
   write_started_us_ = MonotonicMicros();
   const Outgoing& out = queue_.front();
   websocket_.text(out.text != nullptr);
-  const asio::const_buffer bytes =
-      out.text != nullptr ? asio::buffer(*out.text) : asio::buffer(out.picture->message);
+  const asio::const_buffer bytes = out.text != nullptr   ? asio::buffer(*out.text)
+                                   : out.mesh != nullptr ? asio::buffer(out.mesh->bytes)
+                                                         : asio::buffer(out.picture->message);
   websocket_.async_write(
       bytes, [self = shared_from_this()](AsioError error, std::size_t) { self->OnWritten(error); });
 }
@@ -147,7 +177,13 @@ void ViewerConnection::OnWritten(AsioError error) {
     ++hub_.counters.pictures_sent;
     hub_.counters.bytes_sent += picture->message.size();
   }
+  if (const auto& mesh = queue_.front().mesh) {
+    ++hub_.counters.meshes_sent;
+    hub_.counters.mesh_bytes_sent += mesh->bytes.size();
+    if (mesh->stream != WatchStream::kActorMesh) standing_queued_ = false;
+  }
   queue_.pop_front();
+  SendStandingMeshes();
   Write();
 }
 
@@ -200,6 +236,9 @@ void ViewerConnection::Subscribe(const WatchSubscribe& subscribe) {
   };
   set(WatchStream::kColor, subscribe.color);
   set(WatchStream::kDepth, subscribe.depth);
+  if (subscribe.mesh && !meshes_) standing_sent_ = 0;  // who comes back may have thrown away what it had
+  meshes_ = subscribe.mesh;
+  SendStandingMeshes();
   hub_.CountSubscribers();
 }
 

@@ -32,6 +32,10 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
   void Start(const UpgradeRequest& request);
 
   void SendPicture(const std::shared_ptr<const WatchPicture>& picture);
+  // The newest waits for its turn in place of an older one; a viewer that is behind misses it.
+  void SendActorMesh(const std::shared_ptr<const MeshMessage>& mesh);
+  // Those that it has not got yet, one after another.
+  void SendStandingMeshes();
   void SendText(std::shared_ptr<const std::string> text);
   // Skips predicted pictures from here on: what they were predicted from is missing.
   void WaitForKeyFrame();
@@ -41,14 +45,16 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
   void Close(CloseCode code, const char* reason);
 
   [[nodiscard]] bool subscribed(WatchStream stream) const { return streams_[StreamIndex(stream)].subscribed; }
+  [[nodiscard]] bool subscribed_to_meshes() const { return meshes_; }
   // Waits for a key frame that may be asked for on its behalf (a slow viewer waits for the next one by
   // itself).
   [[nodiscard]] bool wants_key_frame() const;
 
  private:
-  struct Outgoing {  // one of the two
-    std::shared_ptr<const WatchPicture> picture;
-    std::shared_ptr<const std::string> text;
+  struct Outgoing {  // one of the three
+    std::shared_ptr<const WatchPicture> picture{};
+    std::shared_ptr<const std::string> text{};
+    std::shared_ptr<const MeshMessage> mesh{};
   };
   struct Stream {
     bool subscribed = true;
@@ -76,6 +82,10 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
   std::deque<Outgoing> queue_;  // while writing_, the front is on its way
   int queued_pictures_ = 0;
   std::size_t queued_bytes_ = 0;  // of pictures
+  bool meshes_ = false;           // subscribed
+  // In the queue at most one mesh of the actor beside one that is being written, and one standing mesh.
+  bool standing_queued_ = false;
+  std::uint64_t standing_sent_ = 0;  // its number in the hub's list
   bool writing_ = false;
   bool closing_ = false;
   bool finished_ = false;

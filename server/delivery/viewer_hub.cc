@@ -39,6 +39,16 @@ void ViewerHub::Publish(const std::shared_ptr<const WatchPicture>& picture) {
   }
 }
 
+void ViewerHub::PublishActorMesh(const std::shared_ptr<const MeshMessage>& mesh) {
+  for (const auto& viewer : viewers_) viewer->SendActorMesh(mesh);
+}
+
+void ViewerHub::ReplaceMesh(WatchStream stream, std::uint32_t id, std::shared_ptr<const MeshMessage> mesh) {
+  if (mesh == nullptr) return standing_meshes_.Remove(stream, id);
+  standing_meshes_.Put(std::move(mesh));
+  for (const auto& viewer : viewers_) viewer->SendStandingMeshes();
+}
+
 void ViewerHub::PublishStats(std::string stats_json) {
   if (const Result<ServerMessage> stats = ParseServerMessage(stats_json)) {
     if (const auto* known = std::get_if<WatchStats>(&*stats)) state_ = known->state;
@@ -83,6 +93,9 @@ void ViewerHub::CountSubscribers() {
         std::ranges::count_if(viewers_, [&](const auto& viewer) { return viewer->subscribed(stream); });
     subscribers_[StreamIndex(stream)].store(static_cast<int>(count), std::memory_order_relaxed);
   }
+  const auto meshes =
+      std::ranges::count_if(viewers_, [](const auto& viewer) { return viewer->subscribed_to_meshes(); });
+  subscribers_[kWatchStreams].store(static_cast<int>(meshes), std::memory_order_relaxed);
 }
 
 bool ViewerHub::TakeKeyFrameRequest(std::int64_t now_us) {

@@ -3,6 +3,7 @@
 // The viewers that are connected, what they are all told, and what they ask for. Private to the gateway.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cstdint>
@@ -18,9 +19,9 @@ class ViewerConnection;
 
 // Counters are written on `serve`, read anywhere.
 struct AtomicCounters {
-  std::atomic<std::uint64_t> connections{0}, viewers{0}, pictures_sent{0}, bytes_sent{0},
-      dropped_viewer_slow{0}, dropped_publish{0}, closed_slow{0}, closed_message{0}, closed_rate{0},
-      refused_origin{0}, refused_full{0};
+  std::atomic<std::uint64_t> connections{0}, viewers{0}, pictures_sent{0}, bytes_sent{0}, meshes_sent{0},
+      mesh_bytes_sent{0}, dropped_viewer_slow{0}, dropped_mesh_slow{0}, dropped_publish{0}, closed_slow{0},
+      closed_message{0}, closed_rate{0}, refused_origin{0}, refused_full{0};
 };
 
 class ViewerHub {
@@ -32,6 +33,10 @@ class ViewerHub {
   void Join(std::shared_ptr<ViewerConnection> viewer);
   void Leave(const ViewerConnection* viewer);
   void Publish(const std::shared_ptr<const WatchPicture>& picture);
+  void PublishActorMesh(const std::shared_ptr<const MeshMessage>& mesh);
+  // mesh: null = it stands no longer.
+  void ReplaceMesh(WatchStream stream, std::uint32_t id, std::shared_ptr<const MeshMessage> mesh);
+  [[nodiscard]] const StandingMeshes& standing_meshes() const { return standing_meshes_; }
   void PublishStats(std::string stats_json);
   void SetHello(WatchHello hello);
   // Pictures were lost before they came here: nobody can decode on before the next key frame.
@@ -51,7 +56,7 @@ class ViewerHub {
   // ---- Any thread ----
   [[nodiscard]] bool TakeKeyFrameRequest(std::int64_t now_us);
   [[nodiscard]] bool WantsStream(WatchStream stream) const {
-    return subscribers_[StreamIndex(stream)].load(std::memory_order_relaxed) > 0;
+    return subscribers_[std::min(StreamIndex(stream), kWatchStreams)].load(std::memory_order_relaxed) > 0;
   }
   AtomicCounters counters;
 
@@ -60,7 +65,8 @@ class ViewerHub {
   std::vector<std::shared_ptr<ViewerConnection>> viewers_;
   WatchHello hello_;
   std::string state_;
-  std::array<std::atomic<int>, kWatchStreams> subscribers_{};
+  std::array<std::atomic<int>, kWatchStreams + 1> subscribers_{};  // the last: to meshes
+  StandingMeshes standing_meshes_;
   std::atomic<bool> key_frame_wished_{false};
   std::atomic<std::int64_t> key_frame_given_us_{0};
 };

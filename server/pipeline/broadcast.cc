@@ -7,23 +7,25 @@
 
 namespace mixstage {
 
-Result<Broadcast> Broadcast::Create(const BroadcastConfig& config, int width, int height,
+Result<Broadcast> Broadcast::Create(const BroadcastConfig& config, const PinholeCamera& camera,
                                     const std::string& show_name, Gateway* gateway) {
-  auto color = VideoEncoder::Create(config.color, width, height);
+  auto color = VideoEncoder::Create(config.color, camera.width, camera.height);
   if (!color) return Within("colour encoder", color.error());
-  auto depth = VideoEncoder::Create(config.depth, width, height);
+  auto depth = VideoEncoder::Create(config.depth, camera.width, camera.height);
   if (!depth) return Within("depth encoder", depth.error());
   auto range = DepthRangeFit::Create({});
   if (!range) return Within("depth range", range.error());
-  return Broadcast(std::move(*color), std::move(*depth), std::move(*range), show_name, gateway);
+  return Broadcast(std::move(*color), std::move(*depth), std::move(*range), show_name,
+                   {camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy}, gateway);
 }
 
 Broadcast::Broadcast(VideoEncoder color, VideoEncoder depth, DepthRangeFit range, std::string name,
-                     Gateway* gateway)
+                     WatchCamera camera, Gateway* gateway)
     : color_(std::move(color)),
       depth_(std::move(depth)),
       range_(std::move(range)),
       name_(std::move(name)),
+      camera_(camera),
       gateway_(gateway) {}
 
 Status Broadcast::Send(Frame& frame, StageTimes& times) {
@@ -43,7 +45,8 @@ Status Broadcast::Send(Frame& frame, StageTimes& times) {
     gateway_->SetHello({.name = name_,
                         .server_us = 0,
                         .streams = {{WatchStream::kColor, color_.codec(), color_.width(), color_.height()},
-                                    {WatchStream::kDepth, depth_.codec(), depth_.width(), depth_.height()}}});
+                                    {WatchStream::kDepth, depth_.codec(), depth_.width(), depth_.height()}},
+                        .camera = camera_});
     hello_sent_ = true;
   }
   return {};

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "proto/base/result.h"
+#include "proto/geometry/camera_model.h"
 #include "server/delivery/depth_packer.h"
 #include "server/delivery/gateway.h"
 #include "server/delivery/video_encoder.h"
@@ -25,7 +26,7 @@ struct BroadcastConfig {
 class Broadcast {
  public:
   // `gateway` may be null: then everything is encoded and handed to nobody (measuring).
-  static Result<Broadcast> Create(const BroadcastConfig& config, int width, int height,
+  static Result<Broadcast> Create(const BroadcastConfig& config, const PinholeCamera& camera,
                                   const std::string& show_name, Gateway* gateway);
 
   // Encodes what is watched. A stream that nobody watches is not encoded, but for the first frame, which
@@ -35,7 +36,8 @@ class Broadcast {
   [[nodiscard]] std::int64_t bytes_sent() const { return *bytes_; }
 
  private:
-  Broadcast(VideoEncoder color, VideoEncoder depth, DepthRangeFit range, std::string name, Gateway* gateway);
+  Broadcast(VideoEncoder color, VideoEncoder depth, DepthRangeFit range, std::string name, WatchCamera camera,
+            Gateway* gateway);
   Status SendColor(const Frame& frame, StageTimes& times);
   Status SendDepth(const Frame& frame, StageTimes& times);
   void Publish(const Frame& frame, WatchStream stream, const EncodedPicture& picture, DepthRange range);
@@ -45,6 +47,7 @@ class Broadcast {
   DepthRange range_in_force_{};
   Yuv10Image packed_;
   std::string name_;
+  WatchCamera camera_;
   Gateway* gateway_;
   bool hello_sent_ = false;
   std::shared_ptr<std::atomic<std::int64_t>> bytes_ = std::make_shared<std::atomic<std::int64_t>>(0);

@@ -46,6 +46,8 @@ constexpr std::array kStages = {
           &FrameStages::CompositeZ},
     Stage{{"encode_color", 4.0, "encode", "H.264"}, nullptr},
     Stage{{"encode_depth", 5.0, "encode", "H.264 High 10, inverse depth"}, nullptr},
+    Stage{{"actor_mesh", 2.0, "mesh", "the actor's surface        piVE 3"}, nullptr},
+    Stage{{"encode_mesh", 6.0, "mesh", "Draco, JPEG"}, nullptr},
 };
 
 constexpr auto kInfos = [] {
@@ -63,6 +65,10 @@ std::span<const StageInfo> AllStages() { return kInfos; }
 
 Studio::Studio(StudioSetup setup)
     : rig_(std::move(setup.rig)), scene_(std::move(setup.scene)), poses_(std::move(setup.poses)) {}
+
+RigidTransform Studio::TSceneColor(const Frame& frame) const {
+  return scene_ && scene_->frame == SceneFrame::kCamera ? RigidTransform::Identity() : frame.T_world_color;
+}
 
 Result<Studio> Studio::Create(StudioSetup setup) {
   const int learn_frames = setup.learn_frames;
@@ -209,8 +215,7 @@ void FrameStages::ShapeActor(Studio& s, Frame& f) {
 void FrameStages::RenderScene(Studio& s, Frame& f) {
   f.cg = nullptr;
   if (!s.scene_) return;
-  const RigidTransform T_camera_scene =
-      s.scene_->frame == SceneFrame::kWorld ? f.T_world_color.inverse() : RigidTransform::Identity();
+  const RigidTransform T_camera_scene = s.TSceneColor(f).inverse();
   f.cg = &s.renderer_->Run(*s.scene_, T_camera_scene, s.illumination_);
 }
 

@@ -20,7 +20,10 @@ constexpr std::int64_t kRateWindowUs = 2'000'000;  // of fps and bitrate
 constexpr auto kStatsPeriod = std::chrono::milliseconds(500);
 constexpr std::int64_t kSilentUs = 3'000'000;   // an agent not heard for this long is gone
 constexpr std::int64_t kStalledUs = 2'000'000;  // no colour for this long: say so
-constexpr std::size_t kStageWindow = 300;       // frames behind the page's stage times
+// 12.5 Hz, less half a colour frame: capture times tremble.
+constexpr std::int64_t kMeshPeriodUs = 65'000;
+constexpr std::int64_t kDepthStoppedUs = 200'000;
+constexpr std::size_t kStageWindow = 300;  // frames behind the page's stage times
 
 void NameThread(const char* name) { pthread_setname_np(pthread_self(), name); }
 
@@ -32,14 +35,17 @@ std::string Sentence(const char* format, double value) {
 
 }  // namespace
 
-LiveShow::LiveShow(std::unique_ptr<LcmLink> link, Studio studio, Broadcast broadcast, Gateway& gateway)
+LiveShow::LiveShow(std::unique_ptr<LcmLink> link, Studio studio, Broadcast broadcast, MeshBroadcast meshes,
+                   Gateway& gateway)
     : link_(std::move(link)),
       studio_(std::move(studio)),
       broadcast_(std::move(broadcast)),
+      meshes_(std::move(meshes)),
       gateway_(gateway),
       ingest_(studio_.rig(), captured_),
       times_(kStageWindow) {
   encode_thread_ = std::jthread([this] { RunEncode(); });
+  mesh_thread_ = std::jthread([this] { RunMeshes(); });
   frame_thread_ = std::jthread([this] { RunFrames(); });
   ingest_thread_ = std::jthread([this](const std::stop_token& stop) { RunIngest(stop); });
   stats_thread_ = std::jthread([this](const std::stop_token& stop) { RunStats(stop); });
@@ -50,7 +56,9 @@ LiveShow::~LiveShow() {
   stats_thread_.request_stop();
   captured_.Close();
   finished_.Close();
-  for (std::jthread* thread : {&ingest_thread_, &frame_thread_, &encode_thread_, &stats_thread_})
+  mesh_jobs_.Close();
+  for (std::jthread* thread :
+       {&ingest_thread_, &frame_thread_, &encode_thread_, &mesh_thread_, &stats_thread_})
     thread->join();
 }
 
@@ -75,7 +83,31 @@ void LiveShow::RunFrames() {
       const std::lock_guard lock(mutex_);
       room_state_ = studio_.room_state();
     }
+    OfferMeshes(frame);
     if (finished_.Push(std::move(frame)) > 0) CountDrop("late");
+  }
+}
+
+// At the depth camera's rate, 12.5 Hz at most: between two depth pictures the surface has nothing new. Where
+// depth has stopped the matte still moves.
+void LiveShow::OfferMeshes(const std::shared_ptr<const Frame>& frame) {
+  if (!gateway_.WantsStream(WatchStream::kActorMesh)) return;
+  const CapturedFrame& captured = *frame->captured;
+  const std::int64_t since_us = captured.capture_us - meshed_us_;
+  const bool new_depth = captured.depth != meshed_depth_;
+  if (since_us >= 0 && since_us < (new_depth ? kMeshPeriodUs : kDepthStoppedUs)) return;
+  meshed_us_ = captured.capture_us;
+  meshed_depth_ = captured.depth;
+  mesh_jobs_.Push(MakeMeshJob(studio_, frame));
+}
+
+void LiveShow::RunMeshes() {
+  NameThread("mesh");
+  while (auto job = mesh_jobs_.Pop()) {
+    if (auto ok = meshes_.Send(*job, times_); !ok) {
+      CountDrop("mesh");
+      spdlog::debug("mesh reason=\"{}\"", ok.error().message);
+    }
   }
 }
 

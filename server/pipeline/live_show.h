@@ -13,6 +13,7 @@
 #include "proto/link/lcm_link.h"
 #include "server/ingest/live_ingest.h"
 #include "server/pipeline/broadcast.h"
+#include "server/pipeline/mesh_broadcast.h"
 #include "server/pipeline/studio.h"
 
 namespace mixstage {
@@ -21,11 +22,13 @@ namespace mixstage {
 //   ingest   LcmLink, LiveIngest          -> queue of captured frames
 //   frame    Studio (all frame stages)    -> queue of finished frames
 //   encode   Broadcast (H.264, delivery)  -> Gateway, which owns "serve"
+//   mesh     MeshBroadcast (Draco)        -> Gateway; only while a viewer wants meshes
 //   stats    twice a second: statistics to the viewers
 class LiveShow {
  public:
   // `gateway` must have been started. The show starts at once.
-  LiveShow(std::unique_ptr<LcmLink> link, Studio studio, Broadcast broadcast, Gateway& gateway);
+  LiveShow(std::unique_ptr<LcmLink> link, Studio studio, Broadcast broadcast, MeshBroadcast meshes,
+           Gateway& gateway);
   ~LiveShow();  // stops: closes every queue, then joins
   LiveShow(const LiveShow&) = delete;
   LiveShow& operator=(const LiveShow&) = delete;
@@ -39,6 +42,8 @@ class LiveShow {
   void RunIngest(const std::stop_token& stop);
   void RunFrames();
   void RunEncode();
+  void RunMeshes();
+  void OfferMeshes(const std::shared_ptr<const Frame>& frame);
   void RunStats(const std::stop_token& stop);
   [[nodiscard]] WatchStats Stats() const;
   void CountDrop(const char* reason);
@@ -46,6 +51,7 @@ class LiveShow {
   std::unique_ptr<LcmLink> link_;
   Studio studio_;
   Broadcast broadcast_;
+  MeshBroadcast meshes_;
   Gateway& gateway_;
 
   // Two places: one hiccup of the machine costs latency, not a picture; a server that is too slow drops all
@@ -53,6 +59,9 @@ class LiveShow {
   static constexpr std::size_t kWaitingFrames = 2;
   CapturedFrames captured_{kWaitingFrames, WhenFull::kDropOldest};
   BoundedQueue<std::shared_ptr<Frame>> finished_{kWaitingFrames, WhenFull::kDropOldest};
+  BoundedQueue<MeshJob> mesh_jobs_{1, WhenFull::kDropOldest};
+  std::int64_t meshed_us_ = 0;  // capture of the last frame that was offered; the frame thread's
+  std::shared_ptr<const DepthPicture> meshed_depth_;
   LiveIngest ingest_;
   StageTimes times_;
 
@@ -67,7 +76,7 @@ class LiveShow {
   RoomState room_state_ = RoomState::kLearning;
   std::string failure_;
 
-  std::jthread ingest_thread_, frame_thread_, encode_thread_, stats_thread_;
+  std::jthread ingest_thread_, frame_thread_, encode_thread_, mesh_thread_, stats_thread_;
 };
 
 }  // namespace mixstage

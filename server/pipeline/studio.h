@@ -43,6 +43,11 @@ class Studio {
   cv::Mat1f WarpDepth(const CapturedFrame& captured);
 
   [[nodiscard]] const Rig& rig() const { return rig_; }
+  [[nodiscard]] const Scene* scene() const { return scene_ ? &*scene_ : nullptr; }
+  // What is known of the empty set; null while it is being learnt.
+  [[nodiscard]] const std::shared_ptr<const BackgroundModel>& room() const { return room_; }
+  // Where a frame's colour camera is in the scene's frame; without a scene that is the world.
+  [[nodiscard]] RigidTransform TSceneColor(const Frame& frame) const;
   [[nodiscard]] RoomState room_state() const { return room_state_; }
   // Depth pictures that could not be warped (their size is not the rig's).
   [[nodiscard]] std::int64_t unusable_depths() const { return unusable_depths_; }

@@ -69,6 +69,7 @@ Result<LoadedScene> LoadScene(const std::filesystem::path& file) {
       return Fail(ErrorCode::kBadInput, place + " takes the scene over 20 million triangles");
     }
     SceneObject placed;
+    placed.id = static_cast<std::uint32_t>(loaded.scene.objects.size() + 1);
     placed.name = std::move(object.name);
     placed.file = std::move(object.file);
     placed.mesh = found->second.mesh;

@@ -39,6 +39,24 @@ TEST(ServerMessage, HelloComesBack) {
   EXPECT_EQ(read.name, hello.name);
   EXPECT_EQ(read.server_us, hello.server_us);
   EXPECT_EQ(read.streams, hello.streams);
+  EXPECT_EQ(read.camera, std::nullopt);
+}
+
+TEST(ServerMessage, HelloSaysTheCameraWhereItIsKnown) {
+  const WatchHello hello{.camera = WatchCamera{1024, 768, 1094, 1093.5, 521.5, 375.25}};
+  const auto message = ParseServerMessage(ToJson(hello));
+  ASSERT_TRUE(message) << message.error().message;
+  EXPECT_EQ(std::get<WatchHello>(*message).camera, hello.camera);
+  for (const char* name : {"width", "height", "fx", "fy", "cx", "cy"}) {
+    nlohmann::json json = nlohmann::json::parse(ToJson(hello));
+    json["camera"][name] = "x";
+    const auto refused = ParseServerMessage(json.dump());
+    ASSERT_FALSE(refused) << name;
+    EXPECT_NE(refused.error().message.find(name), std::string::npos) << refused.error().message;
+  }
+  nlohmann::json json = nlohmann::json::parse(ToJson(hello));
+  json["camera"]["fx"] = 0;
+  EXPECT_FALSE(ParseServerMessage(json.dump()));
 }
 
 TEST(ServerMessage, StatsHaveTheFieldsOfTheSpecification) {
@@ -114,10 +132,13 @@ TEST(Pong, GivesThePingsNumberBack) {
 TEST(ViewerMessage, SubscribeAndKeyFrameComeBack) {
   for (const bool color : {false, true}) {
     for (const bool depth : {false, true}) {
-      const auto message = ParseViewerMessage(ToJson(WatchSubscribe{color, depth}));
-      ASSERT_TRUE(message);
-      EXPECT_EQ(std::get<WatchSubscribe>(*message).color, color);
-      EXPECT_EQ(std::get<WatchSubscribe>(*message).depth, depth);
+      for (const bool mesh : {false, true}) {
+        const auto message = ParseViewerMessage(ToJson(WatchSubscribe{color, depth, mesh}));
+        ASSERT_TRUE(message);
+        EXPECT_EQ(std::get<WatchSubscribe>(*message).color, color);
+        EXPECT_EQ(std::get<WatchSubscribe>(*message).depth, depth);
+        EXPECT_EQ(std::get<WatchSubscribe>(*message).mesh, mesh);
+      }
     }
   }
   const auto wish = ParseViewerMessage(ToJson(WatchKeyFrameWish{}));
@@ -135,7 +156,7 @@ TEST(ViewerMessage, RubbishIsRefused) {
         std::string("{\"type\":\"ping\",\"viewer_us\":1} more"), std::string("{\"type\":\"subscribe\"}"),
         std::string("{\"type\":\"subscribe\",\"streams\":[\"sound\"]}"),
         std::string("{\"type\":\"subscribe\",\"streams\":[1]}"),
-        std::string("{\"type\":\"subscribe\",\"streams\":[\"color\",\"color\",\"color\"]}"), deep,
+        std::string("{\"type\":\"subscribe\",\"streams\":[\"color\",\"color\",\"color\",\"color\"]}"), deep,
         "{\"type\":\"ping\",\"viewer_us\":" + deep + "}",
         "{\"type\":\"keyframe\",\"x\":\"" + std::string(5000, 'x') + "\"}"}) {
     const auto message = ParseViewerMessage(text);
