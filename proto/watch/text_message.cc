@@ -68,17 +68,22 @@ Result<WatchCamera> ParseCamera(const JsonFields& fields) {
 Result<ServerMessage> ParseHello(const JsonFields& fields) {
   WatchHello hello;
   int protocol = 0;
+  std::string role;
   const Json* streams = nullptr;
   JsonReader read(fields);
   read.Int("protocol", 0, 1'000'000, &protocol);
   read.Text("name", &hello.name);
   read.Int64("server_us", &hello.server_us);
+  read.Text("role", &role);
   read.List("streams", 8, &streams);
   if (!read.status()) return Within("hello", read.status().error());
   if (protocol != kWatchProtocol) {
     return Fail(ErrorCode::kBadInput, "hello: the server speaks protocol " + std::to_string(protocol) +
                                           ", this viewer " + std::to_string(kWatchProtocol));
   }
+  const Result<WatchRole> known_role = ParseRole(role);
+  if (!known_role) return Within("hello", known_role.error());
+  hello.role = *known_role;
   for (const Json& item : *streams) {
     std::string name;
     WatchStreamInfo info;
@@ -199,6 +204,15 @@ Result<TypedMessage> ParseTyped(std::string_view text, std::size_t max_bytes) {
 
 }  // namespace
 
+std::string_view RoleName(WatchRole role) { return role == WatchRole::kDirector ? "director" : "viewer"; }
+
+Result<WatchRole> ParseRole(std::string_view name) {
+  for (const WatchRole role : {WatchRole::kViewer, WatchRole::kDirector}) {
+    if (name == RoleName(role)) return role;
+  }
+  return Fail(ErrorCode::kBadInput, "role is neither viewer nor director");
+}
+
 std::string ToJson(const WatchHello& hello) {
   Json streams = Json::array();
   for (const WatchStreamInfo& info : hello.streams) {
@@ -211,6 +225,7 @@ std::string ToJson(const WatchHello& hello) {
                {"protocol", kWatchProtocol},
                {"name", hello.name},
                {"server_us", hello.server_us},
+               {"role", RoleName(hello.role)},
                {"streams", std::move(streams)}};
   if (hello.camera) {
     const WatchCamera& c = *hello.camera;
@@ -252,6 +267,10 @@ std::string ToJson(const WatchPing& ping) {
   return Dump({{"type", "ping"}, {"viewer_us", Number(ping.viewer_us)}});
 }
 
+std::string ToJson(const WatchTicket& ticket) {
+  return Dump({{"type", "ticket"}, {"ticket", ticket.ticket}});
+}
+
 std::string ToJson(const WatchSubscribe& subscribe) {
   Json streams = Json::array();
   if (subscribe.color) streams.push_back(StreamName(WatchStream::kColor));
@@ -290,7 +309,14 @@ Result<ViewerMessage> ParseViewerMessage(std::string_view text) {
     if (!read.status()) return Within("ping", read.status().error());
     return ping;
   }
-  return Fail(ErrorCode::kBadInput, "message: type is none of ping, subscribe, keyframe");
+  if (message->type == "ticket") {
+    WatchTicket ticket;
+    JsonReader read(message->json);
+    read.Text("ticket", &ticket.ticket);
+    if (!read.status()) return Within("ticket", read.status().error());
+    return ticket;
+  }
+  return Fail(ErrorCode::kBadInput, "message: type is none of ping, ticket, subscribe, keyframe");
 }
 
 }  // namespace mixstage

@@ -22,6 +22,12 @@ inline constexpr int kWatchProtocol = 1;
 inline constexpr std::size_t kMaxViewerMessageBytes = 4096;   // viewer to server
 inline constexpr std::size_t kMaxServerMessageBytes = 65536;  // server to viewer: what a viewer reads at most
 
+// What a viewer may do: watch, or edit the scene too (SPEC.md 4.4).
+enum class WatchRole : std::uint8_t { kViewer = 1, kDirector };
+[[nodiscard]] std::string_view RoleName(WatchRole role);  // "viewer", "director"
+// Fails (kBadInput) on other names.
+Result<WatchRole> ParseRole(std::string_view name);
+
 // ---- server to viewer ----
 struct WatchStreamInfo {
   WatchStream stream = WatchStream::kColor;
@@ -40,6 +46,7 @@ struct WatchCamera {
 struct WatchHello {
   std::string name{};  // of the show
   std::int64_t server_us = 0;
+  WatchRole role = WatchRole::kViewer;
   std::vector<WatchStreamInfo> streams{};  // empty until a first picture came
   std::optional<WatchCamera> camera{};     // nothing while it is not known
 };
@@ -93,16 +100,20 @@ Result<ServerMessage> ParseServerMessage(std::string_view text);
 struct WatchPing {
   double viewer_us = 0;
 };
+struct WatchTicket {
+  std::string ticket{};  // 43 characters of base64url, from POST /login
+};
 struct WatchSubscribe {
   bool color = false, depth = false, mesh = false;
 };
 struct WatchKeyFrameWish {};
 
 [[nodiscard]] std::string ToJson(const WatchPing& ping);
+[[nodiscard]] std::string ToJson(const WatchTicket& ticket);
 [[nodiscard]] std::string ToJson(const WatchSubscribe& subscribe);
 [[nodiscard]] std::string ToJson(const WatchKeyFrameWish& wish);
 
-using ViewerMessage = std::variant<WatchPing, WatchSubscribe, WatchKeyFrameWish>;
+using ViewerMessage = std::variant<WatchPing, WatchTicket, WatchSubscribe, WatchKeyFrameWish>;
 // Fails on more than kMaxViewerMessageBytes, bad JSON, unknown types and streams, missing or mistyped fields.
 Result<ViewerMessage> ParseViewerMessage(std::string_view text);
 

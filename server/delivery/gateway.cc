@@ -230,8 +230,8 @@ class Gateway::Impl {
     AsioError ignored;
     socket.set_option(tcp::no_delay(true), ignored);
     socket.set_option(asio::socket_base::send_buffer_size(config_.send_buffer_bytes), ignored);
-    std::make_shared<HttpConnection>(std::move(socket), ConnectionSlot(hub_.counters.connections), content_,
-                                     hub_)
+    std::make_shared<HttpConnection>(SocketStream(std::move(socket)),
+                                     ConnectionSlot(hub_.counters.connections), content_, hub_)
         ->Start();
   }
 

@@ -37,26 +37,40 @@ void SetHeaders(http::fields& fields, std::string_view mime_type, std::string_vi
   set("Referrer-Policy", "no-referrer");
 }
 
+std::string PeerAddress(SocketStream& stream) {
+  AsioError error;
+  const auto endpoint = stream.tcp().socket().remote_endpoint(error);
+  return error ? std::string() : endpoint.address().to_string();
+}
+
 std::chrono::milliseconds RequestTimeout(const GatewayConfig& config) {
   return std::chrono::milliseconds(static_cast<std::int64_t>(config.request_timeout_s * 1e3));
 }
 
 }  // namespace
 
-HttpConnection::HttpConnection(boost::asio::ip::tcp::socket socket, ConnectionSlot slot,
-                               const HttpContent& content, ViewerHub& hub)
-    : stream_(std::move(socket)),
+HttpConnection::HttpConnection(SocketStream stream, ConnectionSlot slot, const HttpContent& content,
+                               ViewerHub& hub)
+    : stream_(std::move(stream)),
+      address_(PeerAddress(stream_)),
       slot_(std::move(slot)),
       content_(content),
       hub_(hub),
       buffer_(2 * kMaxHeaderBytes) {}
+
+void HttpConnection::Start() {
+  stream_.tcp().expires_after(RequestTimeout(hub_.config()));
+  stream_.Handshake([self = shared_from_this()](AsioError error) {
+    if (!error) self->Read();
+  });
+}
 
 void HttpConnection::Read() {
   parser_.emplace();
   parser_->header_limit(kMaxHeaderBytes);
   parser_->body_limit(0);
   // The whole request must be there in this time; between requests it is how long a kept connection may idle.
-  stream_.expires_after(RequestTimeout(hub_.config()));
+  stream_.tcp().expires_after(RequestTimeout(hub_.config()));
   http::async_read(stream_, buffer_, *parser_,
                    [self = shared_from_this()](AsioError error, std::size_t) { self->OnRead(error); });
 }
@@ -77,7 +91,7 @@ void HttpConnection::OnRead(AsioError error) {
   bool upgrade = false;
   Reply reply = Answer(request, &upgrade);
   if (upgrade) {
-    std::make_shared<ViewerConnection>(std::move(stream_), std::move(slot_), hub_)->Start(request);
+    std::make_shared<ViewerConnection>(std::move(stream_), address_, std::move(slot_), hub_)->Start(request);
     return;
   }
   Send(request, std::move(reply));
@@ -155,11 +169,11 @@ void HttpConnection::Send(const Request& request, Reply reply) {
   response.keep_alive(request.keep_alive());
   response.body() = beast::span<const char>(content.data(), content.size());
   response.prepare_payload();
-  stream_.expires_after(kSendTimeout);
+  stream_.tcp().expires_after(kSendTimeout);
   const auto done = [self = shared_from_this(), sending](AsioError error, std::size_t) {
     if (error) return;
     if (sending->response.need_eof() || !sending->response.keep_alive()) {
-      self->stream_.socket().shutdown(boost::asio::ip::tcp::socket::shutdown_send, error);
+      self->stream_.ShutdownSend([self](AsioError) {});
       return;
     }
     self->Read();

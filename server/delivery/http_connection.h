@@ -4,9 +4,7 @@
 // gateway; everything on its `serve` thread.
 #pragma once
 
-#include <boost/asio/ip/tcp.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
-#include <boost/beast/core/tcp_stream.hpp>
 #include <boost/beast/http/empty_body.hpp>
 #include <boost/beast/http/parser.hpp>
 #include <functional>
@@ -16,6 +14,7 @@
 
 #include "server/delivery/connection_slot.h"
 #include "server/delivery/page_files.h"
+#include "server/delivery/socket_stream.h"
 #include "server/delivery/viewer_hub.h"
 
 namespace mixstage {
@@ -28,9 +27,9 @@ struct HttpContent {
 
 class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
  public:
-  HttpConnection(boost::asio::ip::tcp::socket socket, ConnectionSlot slot, const HttpContent& content,
-                 ViewerHub& hub);
-  void Start() { Read(); }
+  HttpConnection(SocketStream stream, ConnectionSlot slot, const HttpContent& content, ViewerHub& hub);
+  // TLS's handshake, then requests.
+  void Start();
 
  private:
   using Request = boost::beast::http::request<boost::beast::http::empty_body>;
@@ -48,7 +47,8 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   [[nodiscard]] Reply Get(std::string_view path) const;
   void Send(const Request& request, Reply reply);
 
-  boost::beast::tcp_stream stream_;
+  SocketStream stream_;
+  const std::string address_;  // of the other end
   ConnectionSlot slot_;
   const HttpContent& content_;
   ViewerHub& hub_;

@@ -23,8 +23,10 @@ constexpr std::int64_t kGoodbyeUs = 2'000'000;  // for the other side's half of 
 
 }  // namespace
 
-ViewerConnection::ViewerConnection(beast::tcp_stream stream, ConnectionSlot slot, ViewerHub& hub)
+ViewerConnection::ViewerConnection(SocketStream stream, std::string address, ConnectionSlot slot,
+                                   ViewerHub& hub)
     : websocket_(std::move(stream)),
+      address_(std::move(address)),
       slot_(std::move(slot)),
       hub_(hub),
       // One byte more than allowed, so that "too long" can be seen.
@@ -32,7 +34,7 @@ ViewerConnection::ViewerConnection(beast::tcp_stream stream, ConnectionSlot slot
       rate_(hub.config().messages_per_s, hub.config().message_burst) {}
 
 void ViewerConnection::Start(const UpgradeRequest& request) {
-  beast::get_lowest_layer(websocket_).expires_never();  // the WebSocket has its own timers
+  websocket_.next_layer().tcp().expires_never();  // the WebSocket has its own timers
   websocket::stream_base::timeout timeouts{};
   timeouts.handshake_timeout = std::chrono::seconds(5);
   timeouts.idle_timeout = std::chrono::seconds(60);
@@ -53,10 +55,16 @@ void ViewerConnection::Start(const UpgradeRequest& request) {
       ++self->hub_.counters.refused_full;
       return self->Abort();
     }
-    self->hub_.Join(self);
-    self->SendText(std::make_shared<const std::string>(self->hub_.HelloText()));
+    self->Admit({.role = WatchRole::kDirector});
     self->Read();
   });
+}
+
+void ViewerConnection::Admit(ViewerIdentity identity) {
+  identity_ = std::move(identity);
+  admitted_ = true;
+  hub_.Join(shared_from_this());
+  SendText(std::make_shared<const std::string>(hub_.HelloText(identity_.role)));
 }
 
 bool ViewerConnection::wants_key_frame() const {
@@ -268,7 +276,7 @@ void ViewerConnection::Close(CloseCode code, const char* reason) {
 }
 
 void ViewerConnection::Abort() {
-  beast::get_lowest_layer(websocket_).close();  // what is pending ends with an error and calls Finish()
+  websocket_.next_layer().tcp().close();  // what is pending ends with an error and calls Finish()
 }
 
 void ViewerConnection::Finish() {

@@ -4,9 +4,7 @@
 #pragma once
 
 #include <array>
-#include <boost/asio/ip/tcp.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
-#include <boost/beast/core/tcp_stream.hpp>
 #include <boost/beast/http/empty_body.hpp>
 #include <boost/beast/http/message.hpp>
 #include <boost/beast/websocket/stream.hpp>
@@ -16,8 +14,10 @@
 #include <string>
 
 #include "server/delivery/connection_slot.h"
+#include "server/delivery/socket_stream.h"
 #include "server/delivery/token_bucket.h"
 #include "server/delivery/viewer_hub.h"
+#include "server/delivery/viewer_identity.h"
 
 namespace mixstage {
 
@@ -26,7 +26,8 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
   using CloseCode = boost::beast::websocket::close_code;
   using UpgradeRequest = boost::beast::http::request<boost::beast::http::empty_body>;
 
-  ViewerConnection(boost::beast::tcp_stream stream, ConnectionSlot slot, ViewerHub& hub);
+  // address: of the other end, for the audit log.
+  ViewerConnection(SocketStream stream, std::string address, ConnectionSlot slot, ViewerHub& hub);
 
   // Answers the upgrade, joins the hub, says hello.
   void Start(const UpgradeRequest& request);
@@ -43,6 +44,13 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
   void CheckProgress(std::int64_t now_us);
   // With the closing handshake. Nothing is sent after it.
   void Close(CloseCode code, const char* reason);
+
+  // Who this is; nobody before the login, who gets nothing and may do nothing.
+  [[nodiscard]] const std::string& name() const { return identity_.name; }
+  [[nodiscard]] WatchRole role() const { return identity_.role; }
+  [[nodiscard]] const std::string& address() const { return address_; }
+  // The one place that decides who may change the scene.
+  [[nodiscard]] bool MayEdit() const { return admitted_ && identity_.role == WatchRole::kDirector; }
 
   [[nodiscard]] bool subscribed(WatchStream stream) const { return streams_[StreamIndex(stream)].subscribed; }
   [[nodiscard]] bool subscribed_to_meshes() const { return meshes_; }
@@ -62,6 +70,7 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
     bool may_ask = true;  // for one to be made
   };
 
+  void Admit(ViewerIdentity identity);  // joins the hub, says hello
   void Read();
   void OnRead(boost::system::error_code error);
   void OnMessage(std::string_view text);
@@ -73,11 +82,14 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
   void Abort();   // closes the socket now
   void Finish();  // leaves the hub, once
 
-  boost::beast::websocket::stream<boost::beast::tcp_stream, false> websocket_;
+  boost::beast::websocket::stream<SocketStream, false> websocket_;
+  const std::string address_;
   ConnectionSlot slot_;
   ViewerHub& hub_;
   boost::beast::flat_buffer received_;
   TokenBucket rate_;
+  ViewerIdentity identity_;
+  bool admitted_ = false;
   std::array<Stream, kWatchStreams> streams_;
   std::deque<Outgoing> queue_;  // while writing_, the front is on its way
   int queued_pictures_ = 0;

@@ -61,12 +61,13 @@ void ViewerHub::PublishStats(std::string stats_json) {
 
 void ViewerHub::SetHello(WatchHello hello) {
   hello_ = std::move(hello);
-  const auto text = std::make_shared<const std::string>(HelloText());
-  for (const auto& viewer : viewers_) viewer->SendText(text);
+  for (const auto& viewer : viewers_)
+    viewer->SendText(std::make_shared<const std::string>(HelloText(viewer->role())));
 }
 
-std::string ViewerHub::HelloText() const {
+std::string ViewerHub::HelloText(WatchRole role) const {
   WatchHello hello = hello_;
+  hello.role = role;
   hello.server_us = MonotonicMicros();
   return ToJson(hello);
 }

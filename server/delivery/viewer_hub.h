@@ -49,7 +49,7 @@ class ViewerHub {
   // A viewer's subscriptions changed.
   void CountSubscribers();
   void WishKeyFrame() { key_frame_wished_.store(true, std::memory_order_relaxed); }
-  [[nodiscard]] std::string HelloText() const;
+  [[nodiscard]] std::string HelloText(WatchRole role) const;
   [[nodiscard]] const std::string& state() const { return state_; }
   [[nodiscard]] const GatewayConfig& config() const { return config_; }
 

@@ -31,6 +31,7 @@ WatchStats FullStats() {
 TEST(ServerMessage, HelloComesBack) {
   const WatchHello hello{.name = "studio \"one\"",
                          .server_us = 1234567890123,
+                         .role = WatchRole::kDirector,
                          .streams = {{WatchStream::kColor, "avc1.42C01F", 1024, 768},
                                      {WatchStream::kDepth, "avc1.6E001F", 1024, 768}}};
   const auto message = ParseServerMessage(ToJson(hello));
@@ -38,6 +39,7 @@ TEST(ServerMessage, HelloComesBack) {
   const auto& read = std::get<WatchHello>(*message);
   EXPECT_EQ(read.name, hello.name);
   EXPECT_EQ(read.server_us, hello.server_us);
+  EXPECT_EQ(read.role, hello.role);
   EXPECT_EQ(read.streams, hello.streams);
   EXPECT_EQ(read.camera, std::nullopt);
 }
