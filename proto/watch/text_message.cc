@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "proto/watch/json_field.h"
+#include "proto/watch/scene_fields.h"
 
 namespace mixstage {
 namespace {
@@ -234,6 +235,8 @@ Result<ServerMessage> ParseServerMessage(std::string_view text) {
   if (!message) return tl::unexpected(message.error());
   if (message->type == "hello") return ParseHello(message->json);
   if (message->type == "stats") return ParseStats(message->json);
+  if (message->type == "scene") return ReadScene(message->json);
+  if (message->type == "refused") return ReadRefused(message->json);
   if (message->type == "pong") {
     WatchPong pong;
     JsonReader read(message->json);
@@ -242,7 +245,7 @@ Result<ServerMessage> ParseServerMessage(std::string_view text) {
     if (!read.status()) return Within("pong", read.status().error());
     return pong;
   }
-  return Fail(ErrorCode::kBadInput, "message: type is none of hello, stats, pong");
+  return Fail(ErrorCode::kBadInput, "message: type is none of hello, stats, pong, scene, refused");
 }
 
 Result<ViewerMessage> ParseViewerMessage(std::string_view text) {
@@ -250,6 +253,7 @@ Result<ViewerMessage> ParseViewerMessage(std::string_view text) {
   if (!message) return tl::unexpected(message.error());
   if (message->type == "keyframe") return WatchKeyFrameWish{};
   if (message->type == "subscribe") return ParseSubscribe(message->json);
+  if (message->type == "edit") return ReadEdit(message->json);
   if (message->type == "ping") {
     WatchPing ping;
     JsonReader read(message->json);
@@ -257,7 +261,7 @@ Result<ViewerMessage> ParseViewerMessage(std::string_view text) {
     if (!read.status()) return Within("ping", read.status().error());
     return ping;
   }
-  return Fail(ErrorCode::kBadInput, "message: type is none of ping, subscribe, keyframe");
+  return Fail(ErrorCode::kBadInput, "message: type is none of ping, subscribe, keyframe, edit");
 }
 
 }  // namespace mixstage
