@@ -51,6 +51,7 @@ const nlohmann::json* JsonReader::Find(const std::string& name) {
 }
 
 void JsonReader::Refuse(const std::string& name, const char* reason) {
+  if (!status_) return;
   // A name can be a stranger's: it must not break a log line.
   std::string printable = name.substr(0, 64);
   for (char& c : printable) c = c > ' ' && c <= '~' && c != '"' ? c : '?';
@@ -114,5 +115,38 @@ void JsonReader::Object(const std::string& name, const nlohmann::json** out) {
   if (!value->is_object()) return Refuse(name, "is not an object");
   *out = value;
 }
+
+void JsonReader::Bool(const std::string& name, bool* out) {
+  const nlohmann::json* value = Find(name);
+  if (value == nullptr) return;
+  if (!value->is_boolean()) return Refuse(name, "is neither true nor false");
+  *out = value->get<bool>();
+}
+
+void JsonReader::Numbers(const std::string& name, std::span<double> out) {
+  const nlohmann::json* value = Find(name);
+  if (value == nullptr) return;
+  if (!value->is_array() || value->size() != out.size())
+    return Refuse(name, "is not a list of as many numbers");
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const nlohmann::json& number = (*value)[i];
+    if (!number.is_number() || !std::isfinite(number.get<double>())) {
+      return Refuse(name, "holds something that is not a number");
+    }
+    out[i] = number.get<double>();
+  }
+}
+
+std::size_t JsonReader::Choice(const std::string& name, std::span<const char* const> choices) {
+  const nlohmann::json* value = Find(name);
+  if (value == nullptr) return 0;
+  for (std::size_t i = 0; value->is_string() && i < choices.size(); ++i) {
+    if (value->get_ref<const std::string&>() == choices[i]) return i;
+  }
+  Refuse(name, "is none of the names that are known");
+  return 0;
+}
+
+bool JsonReader::Has(const std::string& name) const { return status_ && object_.contains(name); }
 
 }  // namespace mixstage

@@ -6,7 +6,9 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <initializer_list>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -19,7 +21,7 @@ using JsonFields = nlohmann::json;
 // JSON nested at most 8 deep; anything else gives a discarded value, which has no fields. Does not throw.
 [[nodiscard]] nlohmann::json ParseBoundedJson(std::string_view text);
 
-// Every field is required. After a failure the following reads do nothing.
+// Every field that is read is required. After a failure the following reads do nothing.
 class JsonReader {
  public:
   explicit JsonReader(const nlohmann::json& object);
@@ -31,13 +33,22 @@ class JsonReader {
   void Text(const std::string& name, std::string* out);     // at most 1,024 bytes
   void List(const std::string& name, std::size_t max_items, const nlohmann::json** out);
   void Object(const std::string& name, const nlohmann::json** out);
+  void Bool(const std::string& name, bool* out);
+  void Numbers(const std::string& name, std::span<double> out);  // as many as out has, each finite
+  // One of the names: its place among them (0 after a failure).
+  std::size_t Choice(const std::string& name, std::span<const char* const> choices);
+  std::size_t Choice(const std::string& name, std::initializer_list<const char*> choices) {
+    return Choice(name, std::span<const char* const>(choices.begin(), choices.size()));
+  }
+  // Whether there is such a field: for those that may be left out.
+  [[nodiscard]] bool Has(const std::string& name) const;
+  void Refuse(const std::string& name, const char* reason);
 
   [[nodiscard]] const Status& status() const { return status_; }
 
  private:
   // The field, or nothing when it is missing or an earlier one failed.
   const nlohmann::json* Find(const std::string& name);
-  void Refuse(const std::string& name, const char* reason);
 
   const nlohmann::json& object_;
   Status status_;

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "proto/watch/json_field.h"
+#include "proto/watch/scene_fields.h"
 
 namespace mixstage {
 namespace {
@@ -286,6 +287,8 @@ Result<ServerMessage> ParseServerMessage(std::string_view text) {
   if (!message) return tl::unexpected(message.error());
   if (message->type == "hello") return ParseHello(message->json);
   if (message->type == "stats") return ParseStats(message->json);
+  if (message->type == "scene") return ReadScene(message->json);
+  if (message->type == "refused") return ReadRefused(message->json);
   if (message->type == "pong") {
     WatchPong pong;
     JsonReader read(message->json);
@@ -294,7 +297,7 @@ Result<ServerMessage> ParseServerMessage(std::string_view text) {
     if (!read.status()) return Within("pong", read.status().error());
     return pong;
   }
-  return Fail(ErrorCode::kBadInput, "message: type is none of hello, stats, pong");
+  return Fail(ErrorCode::kBadInput, "message: type is none of hello, stats, pong, scene, refused");
 }
 
 Result<ViewerMessage> ParseViewerMessage(std::string_view text) {
@@ -302,6 +305,7 @@ Result<ViewerMessage> ParseViewerMessage(std::string_view text) {
   if (!message) return tl::unexpected(message.error());
   if (message->type == "keyframe") return WatchKeyFrameWish{};
   if (message->type == "subscribe") return ParseSubscribe(message->json);
+  if (message->type == "edit") return ReadEdit(message->json);
   if (message->type == "ping") {
     WatchPing ping;
     JsonReader read(message->json);
@@ -316,7 +320,7 @@ Result<ViewerMessage> ParseViewerMessage(std::string_view text) {
     if (!read.status()) return Within("ticket", read.status().error());
     return ticket;
   }
-  return Fail(ErrorCode::kBadInput, "message: type is none of ping, ticket, subscribe, keyframe");
+  return Fail(ErrorCode::kBadInput, "message: type is none of ping, ticket, subscribe, keyframe, edit");
 }
 
 }  // namespace mixstage

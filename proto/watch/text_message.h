@@ -15,12 +15,14 @@
 
 #include "proto/base/result.h"
 #include "proto/watch/picture_message.h"
+#include "proto/watch/scene_message.h"
 
 namespace mixstage {
 
 inline constexpr int kWatchProtocol = 1;
-inline constexpr std::size_t kMaxViewerMessageBytes = 4096;   // viewer to server
-inline constexpr std::size_t kMaxServerMessageBytes = 65536;  // server to viewer: what a viewer reads at most
+inline constexpr std::size_t kMaxViewerMessageBytes = 4096;  // viewer to server
+// Server to viewer: what a viewer reads at most. A scene of 256 objects with long names fits.
+inline constexpr std::size_t kMaxServerMessageBytes = 2 << 20;
 
 // What a viewer may do: watch, or edit the scene too (SPEC.md 4.4).
 enum class WatchRole : std::uint8_t { kViewer = 1, kDirector };
@@ -92,7 +94,7 @@ struct WatchPong {
 [[nodiscard]] std::string ToJson(const WatchStats& stats);
 [[nodiscard]] std::string ToJson(const WatchPong& pong);
 
-using ServerMessage = std::variant<WatchHello, WatchStats, WatchPong>;
+using ServerMessage = std::variant<WatchHello, WatchStats, WatchPong, WatchScene, WatchRefused>;
 // Also fails on a hello of another protocol, more than kMaxServerMessageBytes and types it does not know.
 Result<ServerMessage> ParseServerMessage(std::string_view text);
 
@@ -113,7 +115,7 @@ struct WatchKeyFrameWish {};
 [[nodiscard]] std::string ToJson(const WatchSubscribe& subscribe);
 [[nodiscard]] std::string ToJson(const WatchKeyFrameWish& wish);
 
-using ViewerMessage = std::variant<WatchPing, WatchTicket, WatchSubscribe, WatchKeyFrameWish>;
+using ViewerMessage = std::variant<WatchPing, WatchTicket, WatchSubscribe, WatchKeyFrameWish, WatchEdit>;
 // Fails on more than kMaxViewerMessageBytes, bad JSON, unknown types and streams, missing or mistyped fields.
 Result<ViewerMessage> ParseViewerMessage(std::string_view text);
 

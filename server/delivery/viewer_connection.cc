@@ -226,6 +226,9 @@ void ViewerConnection::OnMessage(std::string_view text) {
     SendText(std::make_shared<const std::string>(ToJson(WatchPong{ping->viewer_us, MonotonicMicros()})));
   } else if (const auto* subscribe = std::get_if<WatchSubscribe>(&*message)) {
     Subscribe(*subscribe);
+  } else if (const auto* edit = std::get_if<WatchEdit>(&*message)) {
+    SendText(std::make_shared<const std::string>(ToJson(
+        WatchRefused{edit->id, "This show has no scene to edit: start the server with --scene FILE."})));
   } else {
     // Who asks for a key frame cannot use what comes before it.
     for (Stream& stream : streams_) stream.waiting = stream.may_ask = true;

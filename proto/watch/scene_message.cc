@@ -1,0 +1,304 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "proto/watch/scene_message.h"
+
+#include <algorithm>
+#include <cmath>
+#include <initializer_list>
+#include <limits>
+#include <string_view>
+
+#include "proto/watch/scene_fields.h"
+
+namespace mixstage {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr int kMaxId = std::numeric_limits<int>::max();
+constexpr std::array<const char*, std::variant_size_v<EditOp>> kOpNames = {
+    "add", "move", "turn", "drop", "delete", "hide", "light", "undo", "redo", "save"};
+
+std::string Dump(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
+
+double Finite(double value) { return std::isfinite(value) ? value : 0; }
+
+template <std::size_t N>
+Json List(const std::array<double, N>& numbers) {
+  Json list = Json::array();
+  for (const double number : numbers) list.push_back(Finite(number));
+  return list;
+}
+
+// An id of an object or a light: 1 .. 2^31 - 1.
+void ReadId(JsonReader& read, const char* name, std::uint32_t* id) {
+  int value = 0;
+  read.Int(name, 1, kMaxId, &value);
+  *id = static_cast<std::uint32_t>(value);
+}
+
+void ReadPoint(JsonReader& read, PicturePoint* point) {
+  read.Double("u", &point->u);
+  read.Double("v", &point->v);
+}
+
+void ReadMove(JsonReader& read, MoveObject* move) {
+  ReadId(read, "object", &move->object);
+  if (read.Has("position")) {
+    if (read.Has("u") || read.Has("v"))
+      return read.Refuse("position", "stands beside u, v: give one or the other");
+    ToPosition to;
+    read.Numbers("position", to.position);
+    move->to = to;
+    return;
+  }
+  PicturePoint at;
+  ReadPoint(read, &at);
+  move->to = ToSurface{at};
+  if (!read.Has("on")) return;
+  read.Choice("on", {"floor"});
+  move->to = AlongFloor{at};
+}
+
+void ReadLight(JsonReader& read, ChangeLight* light) {
+  ReadId(read, "light", &light->light);
+  if (read.Has("position")) read.Numbers("position", light->position.emplace());
+  if (read.Has("color")) read.Numbers("color", light->color.emplace());
+  if (read.Has("intensity")) read.Double("intensity", &light->intensity.emplace());
+  if (!light->position && !light->color && !light->intensity) {
+    read.Refuse("light", "comes without position, color or intensity");
+  }
+}
+
+EditOp ReadOp(JsonReader& read) {
+  switch (read.Choice("op", kOpNames)) {
+    case 0: {
+      AddObject add;
+      read.Text("file", &add.file);
+      ReadPoint(read, &add.at);
+      return add;
+    }
+    case 1: {
+      MoveObject move;
+      ReadMove(read, &move);
+      return move;
+    }
+    case 2: {
+      TurnObject turn;
+      ReadId(read, "object", &turn.object);
+      read.Double("angle_deg", &turn.angle_deg);
+      return turn;
+    }
+    case 3: {
+      DropObject drop;
+      ReadId(read, "object", &drop.object);
+      return drop;
+    }
+    case 4: {
+      DeleteObject gone;
+      ReadId(read, "object", &gone.object);
+      return gone;
+    }
+    case 5: {
+      HideObject hide;
+      ReadId(read, "object", &hide.object);
+      read.Bool("hidden", &hide.hidden);
+      return hide;
+    }
+    case 6: {
+      ChangeLight light;
+      ReadLight(read, &light);
+      return light;
+    }
+    case 8:
+      return RedoEdit{};
+    case 9:
+      return SaveScene{};
+    default:  // undo, and what was refused
+      return UndoEdit{};
+  }
+}
+
+Result<WatchObject> ReadObject(const Json& item) {
+  WatchObject object;
+  JsonReader read(item);
+  ReadId(read, "id", &object.id);
+  read.Text("name", &object.name);
+  read.Text("file", &object.file);
+  read.Numbers("pose", object.pose);
+  read.Text("body", &object.body);
+  read.Choice("body", {"isolated", "mutual", "actor"});
+  read.Count("triangles", &object.triangles);
+  read.Numbers("bounds", object.bounds);
+  read.Numbers("base", object.base);
+  read.Double("radius_m", &object.radius_m);
+  read.Bool("hidden", &object.hidden);
+  if (!read.status()) return Within("objects", read.status().error());
+  return object;
+}
+
+Result<WatchLight> ReadLightOf(const Json& item) {
+  WatchLight light;
+  JsonReader read(item);
+  ReadId(read, "id", &light.id);
+  read.Text("name", &light.name);
+  read.Text("kind", &light.kind);
+  read.Choice("kind", {"point", "area", "directional"});
+  read.Numbers("position", light.position);
+  read.Numbers("color", light.color);
+  read.Double("intensity", &light.intensity);
+  if (!read.status()) return Within("lights", read.status().error());
+  return light;
+}
+
+// The fields of an op into the message around it.
+struct PutOp {
+  Json& json;
+  void Point(const PicturePoint& at) const {
+    json["u"] = Finite(at.u);
+    json["v"] = Finite(at.v);
+  }
+  void operator()(const AddObject& add) const {
+    json["file"] = add.file;
+    Point(add.at);
+  }
+  void operator()(const ToSurface& to) const { Point(to.at); }
+  void operator()(const AlongFloor& to) const {
+    Point(to.at);
+    json["on"] = "floor";
+  }
+  void operator()(const ToPosition& to) const { json["position"] = List(to.position); }
+  void operator()(const MoveObject& move) const {
+    json["object"] = move.object;
+    std::visit(*this, move.to);
+  }
+  void operator()(const TurnObject& turn) const {
+    json["object"] = turn.object;
+    json["angle_deg"] = Finite(turn.angle_deg);
+  }
+  void operator()(const DropObject& drop) const { json["object"] = drop.object; }
+  void operator()(const DeleteObject& gone) const { json["object"] = gone.object; }
+  void operator()(const HideObject& hide) const {
+    json["object"] = hide.object;
+    json["hidden"] = hide.hidden;
+  }
+  void operator()(const ChangeLight& light) const {
+    json["light"] = light.light;
+    if (light.position) json["position"] = List(*light.position);
+    if (light.color) json["color"] = List(*light.color);
+    if (light.intensity) json["intensity"] = Finite(*light.intensity);
+  }
+  void operator()(const UndoEdit&) const {}
+  void operator()(const RedoEdit&) const {}
+  void operator()(const SaveScene&) const {}
+};
+
+}  // namespace
+
+const char* OpName(const EditOp& op) { return kOpNames[op.index()]; }
+
+std::string ToJson(const WatchScene& scene) {
+  Json objects = Json::array();
+  for (const WatchObject& object : scene.objects) {
+    objects.push_back({{"id", object.id},
+                       {"name", object.name},
+                       {"file", object.file},
+                       {"pose", List(object.pose)},
+                       {"body", object.body},
+                       {"triangles", object.triangles},
+                       {"bounds", List(object.bounds)},
+                       {"base", List(object.base)},
+                       {"radius_m", Finite(object.radius_m)},
+                       {"hidden", object.hidden}});
+  }
+  Json lights = Json::array();
+  for (const WatchLight& light : scene.lights) {
+    lights.push_back({{"id", light.id},
+                      {"name", light.name},
+                      {"kind", light.kind},
+                      {"position", List(light.position)},
+                      {"color", List(light.color)},
+                      {"intensity", Finite(light.intensity)}});
+  }
+  return Dump({{"type", "scene"},
+               {"revision", scene.revision},
+               {"frame", scene.frame},
+               {"up", List(scene.up)},
+               {"can_undo", scene.can_undo},
+               {"can_redo", scene.can_redo},
+               {"unsaved", scene.unsaved},
+               {"by", scene.by},
+               {"objects", std::move(objects)},
+               {"lights", std::move(lights)},
+               {"models", scene.models}});
+}
+
+std::string ToJson(const WatchRefused& refused) {
+  return Dump({{"type", "refused"}, {"id", refused.id}, {"reason", refused.reason}});
+}
+
+std::string ToJson(const WatchEdit& edit) {
+  Json json = {{"type", "edit"}, {"id", edit.id}, {"op", OpName(edit.op)}};
+  if (edit.live) json["live"] = true;
+  std::visit(PutOp{json}, edit.op);
+  return Dump(json);
+}
+
+Result<WatchScene> ReadScene(const JsonFields& fields) {
+  WatchScene scene;
+  const Json *objects = nullptr, *lights = nullptr, *models = nullptr;
+  JsonReader read(fields);
+  read.Count("revision", &scene.revision);
+  read.Text("frame", &scene.frame);
+  read.Choice("frame", {"world", "camera"});
+  read.Numbers("up", scene.up);
+  read.Bool("can_undo", &scene.can_undo);
+  read.Bool("can_redo", &scene.can_redo);
+  read.Bool("unsaved", &scene.unsaved);
+  read.Text("by", &scene.by);
+  read.List("objects", kMaxSceneObjects, &objects);
+  read.List("lights", kMaxSceneLights, &lights);
+  read.List("models", kMaxSceneModels, &models);
+  if (!read.status()) return Within("scene", read.status().error());
+  for (const Json& item : *objects) {
+    Result<WatchObject> object = ReadObject(item);
+    if (!object) return Within("scene", object.error());
+    scene.objects.push_back(std::move(*object));
+  }
+  for (const Json& item : *lights) {
+    Result<WatchLight> light = ReadLightOf(item);
+    if (!light) return Within("scene", light.error());
+    scene.lights.push_back(std::move(*light));
+  }
+  for (const Json& item : *models) {
+    if (!item.is_string() || item.get_ref<const std::string&>().size() > 1024) {
+      return Fail(ErrorCode::kBadInput, "scene: models holds something else than short names");
+    }
+    scene.models.push_back(item.get<std::string>());
+  }
+  return scene;
+}
+
+Result<WatchRefused> ReadRefused(const JsonFields& fields) {
+  WatchRefused refused;
+  JsonReader read(fields);
+  read.Int("id", 0, kMaxId, &refused.id);
+  read.Text("reason", &refused.reason);
+  if (!read.status()) return Within("refused", read.status().error());
+  return refused;
+}
+
+Result<WatchEdit> ReadEdit(const JsonFields& fields) {
+  WatchEdit edit;
+  JsonReader read(fields);
+  read.Int("id", 0, kMaxId, &edit.id);
+  if (read.Has("live")) read.Bool("live", &edit.live);
+  edit.op = ReadOp(read);
+  const bool draggable = std::holds_alternative<MoveObject>(edit.op) ||
+                         std::holds_alternative<TurnObject>(edit.op) ||
+                         std::holds_alternative<ChangeLight>(edit.op);
+  if (edit.live && !draggable) read.Refuse("live", "belongs to move, turn and light alone");
+  if (!read.status()) return Within("edit", read.status().error());
+  return edit;
+}
+
+}  // namespace mixstage
