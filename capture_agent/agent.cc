@@ -8,11 +8,13 @@
 
 #include "proto/base/bounded_queue.h"
 #include "proto/base/log.h"
+#include "proto/link/agent_commands.h"
 
 namespace mixstage {
 namespace {
 
 constexpr std::size_t kQueuePictures = 8;
+constexpr int kCommandPollMs = 100;
 
 std::int64_t RandomEpoch() {
   std::random_device random;
@@ -27,16 +29,40 @@ struct Queued {
   std::int64_t index = 0;
 };
 
+// Hears the server until `stop`.
+void HearCommands(LcmLink& link, std::int64_t epoch, const AgentHooks& hooks, std::atomic<double>& parity,
+                  const std::stop_token& stop) {
+  CommandReceiver receiver(epoch);
+  link.Subscribe({.on_command = [&](const mixstage_lcm::agent_command_t& message) {
+    const auto command = receiver.Take(message);
+    if (!command) return;
+    switch (command->verb) {
+      case AgentVerb::kParity:
+        parity = command->value * 1e-3;
+        return spdlog::info("agent parity={}", parity.load());
+      case AgentVerb::kRecord:
+      case AgentVerb::kStopRecording:
+        if (hooks.on_record) hooks.on_record(command->verb == AgentVerb::kRecord);
+        return;
+    }
+  }});
+  while (!stop.stop_requested()) link.HandleFor(kCommandPollMs);
+}
+
 }  // namespace
 
 AgentTotals RunAgent(Source& source, Pace pace, LcmLink& link, const PublisherConfig& config,
-                     std::stop_token stop) {
+                     std::stop_token stop, const AgentHooks& hooks) {
   BoundedQueue<Queued> queue(kQueuePictures, pace == Pace::kReal ? WhenFull::kDropOldest : WhenFull::kWait);
   std::atomic<std::int64_t> dropped = 0;
   AgentTotals totals;
+  const std::int64_t epoch = RandomEpoch();
+  std::atomic<double> parity = config.parity;
 
+  const std::jthread commands(
+      [&](const std::stop_token& done) { HearCommands(link, epoch, hooks, parity, done); });
   std::jthread publishing([&] {
-    Publisher publisher(config, link, RandomEpoch());
+    Publisher publisher(config, link, epoch);
     std::array<std::int64_t, 5> next_index{};
     while (auto item = queue.Pop()) {
       if (const auto* picture = std::get_if<CapturedPicture>(&item->captured.what)) {
@@ -44,6 +70,7 @@ AgentTotals RunAgent(Source& source, Pace pace, LcmLink& link, const PublisherCo
         for (; next < item->index; ++next) publisher.SkipPicture(picture->stream);
         ++next;
       }
+      publisher.SetParity(parity);
       publisher.Publish(item->captured);
       publisher.PublishHealthIfDue(dropped, static_cast<int>(queue.size()));
     }

@@ -20,6 +20,7 @@ namespace {
 struct Options {
   std::string source, rig_file, lcm_url = kDefaultLcmUrl, rate = "real", log_level = "info", name = "head-1";
   bool loop = false;
+  double parity = kDefaultParity;
 };
 
 Result<std::unique_ptr<Source>> OpenSource(const Options& options, Pace pace) {
@@ -66,6 +67,7 @@ Status Run(const Options& options) {
   });
   PublisherConfig config;
   config.name = options.name;
+  config.parity = options.parity;
   spdlog::info("agent name={} source={} lcm={}", options.name, options.source, options.lcm_url);
   const AgentTotals t = RunAgent(**source, pace, **link, config, stop.get_token());
   spdlog::info("agent end captured={} published={} dropped={} unreadable={} send_errors={}", t.captured,
@@ -93,6 +95,11 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--rig", options.rig_file, "synthetic: rig.json whose cameras see the room");
   app.add_option("--lcm", options.lcm_url, "LCM URL")->capture_default_str();
+  app.add_option(
+         "--parity", options.parity,
+         "share of parity against loss until the server says otherwise: 0.05 for 1 % loss, 0.14 for 5 %")
+      ->check(CLI::Range(0.0, 1.0))
+      ->capture_default_str();
   app.add_option("--name", options.name, "how people call this head")->capture_default_str();
   app.add_option("--log-level", options.log_level, "trace, debug, info, warn, error or off")
       ->capture_default_str();

@@ -19,7 +19,11 @@ std::size_t Index(Stream stream) { return static_cast<std::size_t>(stream); }
 }  // namespace
 
 Publisher::Publisher(const PublisherConfig& config, LcmLink& link, std::int64_t epoch)
-    : config_(config), link_(link), epoch_(epoch), last_health_us_(MonotonicMicros()) {}
+    : config_(config),
+      link_(link),
+      epoch_(epoch),
+      parity_(config.parity),
+      last_health_us_(MonotonicMicros()) {}
 
 void Publisher::Publish(const Captured& captured) {
   if (const auto* angles = std::get_if<CapturedAngles>(&captured.what)) {
@@ -62,13 +66,14 @@ void Publisher::PublishPicture(const CapturedPicture& picture, std::int64_t t_us
     return;
   }
   int in_burst = 0;
-  CutIntoSlices(frame_, [&](const mixstage_lcm::frame_slice_t& slice) {
+  auto send = [&](const mixstage_lcm::frame_slice_t& slice) {
     if (in_burst++ == config_.burst_slices) {
       std::this_thread::sleep_for(std::chrono::microseconds(config_.burst_pause_us));
       in_burst = 1;
     }
     send_errors_ += !link_.Publish(slice);
-  });
+  };
+  CutIntoSlices(frame_, send, parity_);
   ++published_;
   ++sent_this_second_[Index(picture.stream)];
 }

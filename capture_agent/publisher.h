@@ -19,6 +19,7 @@ struct PublisherConfig {
   // buffer and a switch with small queues keep up; 160 slices (200 kB) take 4 ms.
   int burst_slices = 32;
   int burst_pause_us = 1000;
+  double parity = kDefaultParity;  // 0 .. 1, share of the data slices, until SetParity
 };
 
 // Encodes what a source captured and hands it to the network: pictures as slices, angles, and health once a
@@ -34,6 +35,8 @@ class Publisher {
   // A picture that was dropped before it got here still has its number, so that the server can count it as
   // lost.
   void SkipPicture(Stream stream);
+  // Parity of the pictures from now on, 0 .. 1.
+  void SetParity(double parity) { parity_ = parity; }
 
   [[nodiscard]] std::int64_t published() const { return published_; }
   [[nodiscard]] std::int64_t send_errors() const { return send_errors_; }
@@ -44,6 +47,7 @@ class Publisher {
   const PublisherConfig config_;
   LcmLink& link_;
   const std::int64_t epoch_;
+  double parity_;
   JpegEncoder jpeg_;
   DepthEncoder depth_;
   EncodedFrame frame_;

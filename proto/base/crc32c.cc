@@ -7,10 +7,10 @@
 
 namespace mixstage {
 
-std::uint32_t Crc32c(std::span<const std::uint8_t> bytes) {
+std::uint32_t Crc32c(std::span<const std::uint8_t> bytes, std::uint32_t before) {
   // ISA-L takes an int length: longer inputs are fed in pieces, the running value is not inverted in between.
   constexpr std::size_t kPiece = std::size_t{1} << 30;
-  std::uint32_t crc = 0xFFFFFFFFu;
+  std::uint32_t crc = ~before;
   while (!bytes.empty()) {
     const std::size_t n = std::min(bytes.size(), kPiece);
     // The library reads only, though its signature is not const.

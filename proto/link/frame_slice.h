@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "proto/base/result.h"
+#include "proto/link/parity.h"
 
 namespace mixstage {
 
@@ -32,12 +33,18 @@ struct EncodedFrame {
   std::vector<std::uint8_t> bytes;
 };
 
-// Cuts a picture into slices, in order, and hands each to `send`. The slice is reused between calls.
-// A picture that is empty or over the limits is a caller's bug (checked).
+// Cuts a picture into slices, data first (a picture that loses nothing waits for no parity), then parity of
+// the given strength (share of the data slices, 0 .. 1; parity.h), and hands each to `send`. The slice is
+// reused between calls. A picture that is empty or over the limits is a caller's bug (checked).
 void CutIntoSlices(const EncodedFrame& frame,
-                   const std::function<void(const mixstage_lcm::frame_slice_t&)>& send);
+                   const std::function<void(const mixstage_lcm::frame_slice_t&)>& send,
+                   double parity = kDefaultParity);
+
+// CRC-32C over every field of a slice but slice_crc32c, as they lie on the wire.
+[[nodiscard]] std::uint32_t SliceCrc32c(const mixstage_lcm::frame_slice_t& slice);
 
 // What a slice from the network must satisfy before any field is used; names the first field that does not.
+// Of a damaged slice that is slice_crc32c, unless a field went out of its range.
 Status ValidateSlice(const mixstage_lcm::frame_slice_t& slice);
 
 }  // namespace mixstage

@@ -3,14 +3,13 @@
 
 #include <lcm/lcm.h>
 
-#include <array>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <random>
 
-#include "proto/base/check.h"
 #include "proto/base/clock.h"
+#include "proto/link/message_bytes.h"
 
 namespace mixstage {
 namespace {
@@ -18,6 +17,7 @@ namespace {
 constexpr const char* kSliceChannel = "MIXSTAGE_SLICE";
 constexpr const char* kHeadChannel = "MIXSTAGE_HEAD";
 constexpr const char* kHealthChannel = "MIXSTAGE_HEALTH";
+constexpr const char* kCommandChannel = "MIXSTAGE_COMMAND";
 constexpr const char* kSelfTestChannel = "MIXSTAGE_SELF_TEST";
 constexpr int kSelfTestTimeoutMs = 1000;
 constexpr int kMaxMessagesPerWait = 4096;  // so that a flood cannot keep HandleFor from returning
@@ -34,11 +34,8 @@ long RequestedReceiveBuffer(const std::string& url) {
 
 template <typename Message>
 bool PublishMessage(lcm_t* lcm, const char* channel, const Message& message) {
-  std::array<std::uint8_t, 1500> buffer;  // one datagram; every message of ours has a fixed size below it
-  const int size = message.getEncodedSize();
-  MIX_CHECK(size <= static_cast<int>(buffer.size()));
-  if (message.encode(buffer.data(), 0, size) != size) return false;
-  return lcm_publish(lcm, channel, buffer.data(), static_cast<unsigned>(size)) == 0;
+  const MessageBytes bytes(message);
+  return lcm_publish(lcm, channel, bytes.data(), static_cast<unsigned>(bytes.size())) == 0;
 }
 
 }  // namespace
@@ -52,16 +49,27 @@ struct LcmLink::State {
     if (lcm != nullptr) lcm_destroy(lcm);
   }
 
-  // Decodes only what has exactly the type's size, and hands it over.
   template <typename Message>
   void Receive(const lcm_recv_buf_t& buffer, const std::function<void(const Message&)>& handler) {
     Message message{};
-    const int size = message.getEncodedSize();  // constant: no type of ours has a variable part
-    if (static_cast<int>(buffer.data_size) != size || message.decode(buffer.data, 0, size) != size) {
+    if (!DecodeMessage({static_cast<const std::uint8_t*>(buffer.data), buffer.data_size}, message)) {
       ++undecodable;
       return;
     }
-    if (handler) handler(message);
+    handler(message);
+  }
+
+  // Listens to a channel where there is somebody to hear it.
+  template <typename Message, std::function<void(const Message&)> Handlers::*kHandler>
+  lcm_subscription_t* Listen(const char* channel) {
+    if (!(handlers.*kHandler)) return nullptr;
+    return lcm_subscribe(
+        lcm, channel,
+        [](const lcm_recv_buf_t* b, const char*, void* user) {
+          auto& state = *static_cast<State*>(user);
+          state.Receive(*b, state.handlers.*kHandler);
+        },
+        this);
   }
 };
 
@@ -87,33 +95,19 @@ bool LcmLink::Publish(const mixstage_lcm::head_angles_t& m) {
 bool LcmLink::Publish(const mixstage_lcm::agent_health_t& m) {
   return PublishMessage(state_->lcm, kHealthChannel, m);
 }
+bool LcmLink::Publish(const mixstage_lcm::agent_command_t& m) {
+  return PublishMessage(state_->lcm, kCommandChannel, m);
+}
 
 void LcmLink::Subscribe(Handlers handlers) {
   State& s = *state_;
   s.handlers = std::move(handlers);
-  lcm_subscription_t* slices = lcm_subscribe(
-      s.lcm, kSliceChannel,
-      [](const lcm_recv_buf_t* b, const char*, void* user) {
-        auto& state = *static_cast<State*>(user);
-        state.Receive(*b, state.handlers.on_slice);
-      },
-      &s);
   // The default queue of 30 messages is less than one picture.
-  lcm_subscription_set_queue_capacity(slices, 8192);
-  lcm_subscribe(
-      s.lcm, kHeadChannel,
-      [](const lcm_recv_buf_t* b, const char*, void* user) {
-        auto& state = *static_cast<State*>(user);
-        state.Receive(*b, state.handlers.on_head);
-      },
-      &s);
-  lcm_subscribe(
-      s.lcm, kHealthChannel,
-      [](const lcm_recv_buf_t* b, const char*, void* user) {
-        auto& state = *static_cast<State*>(user);
-        state.Receive(*b, state.handlers.on_health);
-      },
-      &s);
+  if (auto* slices = s.Listen<mixstage_lcm::frame_slice_t, &Handlers::on_slice>(kSliceChannel))
+    lcm_subscription_set_queue_capacity(slices, 8192);
+  s.Listen<mixstage_lcm::head_angles_t, &Handlers::on_head>(kHeadChannel);
+  s.Listen<mixstage_lcm::agent_health_t, &Handlers::on_health>(kHealthChannel);
+  s.Listen<mixstage_lcm::agent_command_t, &Handlers::on_command>(kCommandChannel);
 }
 
 void LcmLink::HandleFor(int timeout_ms) {

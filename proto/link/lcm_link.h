@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <mixstage_lcm/agent_command_t.hpp>
 #include <mixstage_lcm/agent_health_t.hpp>
 #include <mixstage_lcm/frame_slice_t.hpp>
 #include <mixstage_lcm/head_angles_t.hpp>
@@ -33,13 +34,16 @@ class LcmLink {
   bool Publish(const mixstage_lcm::frame_slice_t& slice);
   bool Publish(const mixstage_lcm::head_angles_t& angles);
   bool Publish(const mixstage_lcm::agent_health_t& health);
+  bool Publish(const mixstage_lcm::agent_command_t& command);
 
-  // Receiving: one thread, which sets the handlers and then calls HandleFor in a loop. Messages that LCM
-  // cannot decode (wrong type or length) are counted, not handed over.
+  // Receiving: one thread, which may be another than the publishing one, sets the handlers and then calls
+  // HandleFor in a loop. A channel without a handler is not listened to. Messages that LCM cannot decode
+  // (wrong type or length) are counted, not handed over.
   struct Handlers {
-    std::function<void(const mixstage_lcm::frame_slice_t&)> on_slice;
-    std::function<void(const mixstage_lcm::head_angles_t&)> on_head;
-    std::function<void(const mixstage_lcm::agent_health_t&)> on_health;
+    std::function<void(const mixstage_lcm::frame_slice_t&)> on_slice{};
+    std::function<void(const mixstage_lcm::head_angles_t&)> on_head{};
+    std::function<void(const mixstage_lcm::agent_health_t&)> on_health{};
+    std::function<void(const mixstage_lcm::agent_command_t&)> on_command{};
   };
   void Subscribe(Handlers handlers);
   // Waits up to `timeout_ms` for messages and hands over all that are there.

@@ -42,7 +42,10 @@ Json Agent(const WatchAgent& agent) {
           {"drops", agent.drops},
           {"queue", agent.queue},
           {"encode_ms", Finite(agent.encode_ms)},
-          {"lost", agent.lost}};
+          {"lost", agent.lost},
+          {"repaired", agent.repaired},
+          {"slice_loss", Finite(agent.slice_loss)},
+          {"delay_ms", Finite(agent.delay_ms)}};
 }
 
 Result<WatchStream> ParseStream(const std::string& name) {
@@ -156,6 +159,9 @@ Result<ServerMessage> ParseStats(const JsonFields& fields) {
     r.Count("queue", &agent.queue);
     r.Double("encode_ms", &agent.encode_ms);
     r.Count("lost", &agent.lost);
+    r.Count("repaired", &agent.repaired);
+    r.Double("slice_loss", &agent.slice_loss);
+    r.Double("delay_ms", &agent.delay_ms);
     if (!r.status()) return Within("stats: agents", r.status().error());
     stats.agents.push_back(std::move(agent));
   }

@@ -65,7 +65,9 @@ struct WatchAgent {
   double color_fps = 0, depth_fps = 0;
   std::uint64_t drops = 0, queue = 0;
   double encode_ms = 0;
-  std::uint64_t lost = 0;
+  std::uint64_t lost = 0, repaired = 0;
+  double slice_loss = 0;  // 0 .. 1, last 10 s
+  double delay_ms = 0;    // median time on the way beyond the fastest, last 10 s
 };
 
 struct WatchStats {

@@ -50,6 +50,11 @@ Status ReadAll(YamlFields& f, const std::string& place, const fs::path& folder, 
   if (auto ok = f.NumberIn("version", 1, 1, version); !ok) return ok;
   if (auto ok = f.Text("name", c.name); !ok) return ok;
   if (auto ok = f.Text("lcm", c.lcm_url); !ok) return ok;
+  if (f.Has("parity")) {
+    double parity = 0;
+    if (auto ok = f.NumberIn("parity", 0, 1, parity); !ok) return ok;
+    c.parity = parity;
+  }
   if (auto ok = ReadPath(f, "rig", folder, c.rig); !ok) return ok;
   if (auto ok = ReadPath(f, "scene", folder, c.scene); !ok) return ok;
   auto background = [&](YamlFields& b) -> Status {
@@ -109,6 +114,7 @@ std::string ToYaml(const StudioConfig& c) {
         << ", key_frame_interval_s: " << e.key_frame_interval_s << "}\n";
   };
   out << "version: 1\nname: " << quoted(c.name) << "\nlcm: " << quoted(c.lcm_url) << "\n";
+  if (c.parity) out << "parity: " << *c.parity << "\n";
   path("rig", c.rig);
   path("scene", c.scene);
   out << "background:\n";

@@ -17,6 +17,7 @@ namespace mixstage {
 struct StudioConfig {
   std::string name = "studio-1";
   std::string lcm_url = kDefaultLcmUrl;
+  std::optional<double> parity;       // 0 .. 1, asked of the agents; nothing = they keep their own
   std::filesystem::path rig;          // rig.json
   std::filesystem::path scene;        // scene.yaml; empty = no CG
   std::filesystem::path clean_plate;  // a take of the empty set; empty = learn it live

@@ -121,6 +121,7 @@ Status RunShow(const StudioConfig& config) {
   gateway.SetHello({.name = config.name, .server_us = 0, .streams = {}});
   {
     LiveShow show(std::move(*link), std::move(*studio), std::move(*broadcast), std::move(*meshes), gateway);
+    if (config.parity) show.SetAgentParity(*config.parity);
     show_for_metrics = &show;
     const std::string host = config.listen.substr(0, config.listen.rfind(':'));
     std::printf("http://%s:%d/\n", host.c_str(), gateway.port());

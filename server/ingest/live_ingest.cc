@@ -13,40 +13,59 @@ namespace {
 
 constexpr std::size_t kKeptDepths = 4;
 constexpr std::size_t kMaxAgents = 8;
+constexpr std::int64_t kTransportPeriodUs = 250'000;
 
 }  // namespace
 
 LiveIngest::LiveIngest(const Rig& rig, CapturedFrames& out) : rig_(rig), out_(out) {}
 
 void LiveIngest::OnSlice(const mixstage_lcm::frame_slice_t& slice, std::int64_t now_us) {
-  auto encoded = reassembler_.Add(slice, now_us);
-  if (!encoded) return PublishTransportCounters();
-  if (!Follows(encoded->epoch, now_us)) return Drop("other_agent");
-  clock_.Observe(encoded->t_us, now_us);
-  switch (encoded->stream) {
+  reassembler_.Add(slice, now_us);
+  TakePictures(now_us);
+}
+
+void LiveIngest::Poll(std::int64_t now_us) {
+  TakePictures(now_us);
+  if (now_us < transport_due_us_) return;
+  transport_due_us_ = now_us + kTransportPeriodUs;
+  PublishTransportCounters(now_us);
+}
+
+void LiveIngest::TakePictures(std::int64_t now_us) {
+  while (auto encoded = reassembler_.Next(now_us)) OnPicture(*encoded, now_us);
+}
+
+void LiveIngest::OnPicture(const EncodedFrame& encoded, std::int64_t now_us) {
+  if (!Follows(encoded.epoch, now_us)) return Drop("other_agent");
+  clock_.Observe(encoded.t_us, now_us);
+  delay_.Add(now_us - clock_.ToServer(encoded.t_us), now_us);
+  switch (encoded.stream) {
     case Stream::kColor:
-      return OnColor(*encoded, now_us);
+      return OnColor(encoded, now_us);
     case Stream::kDepth:
     case Stream::kAmplitude:
-      return OnDepth(*encoded, now_us);
+      return OnDepth(encoded, now_us);
     case Stream::kFisheye:
       return;  // the tracker's, once there is one
   }
 }
 
-// Counters of the transport that are not zero, as drop reasons. Most slices change nothing but their number.
-void LiveIngest::PublishTransportCounters() {
+// Counters of the transport that are not zero, as drop reasons, and what is known of each agent's way here.
+void LiveIngest::PublishTransportCounters(std::int64_t now_us) {
   const Reassembler::Counters& c = reassembler_.counters();
-  const std::int64_t refused =
-      c.bad_slice + c.duplicate_slice + c.late_slice + c.incomplete + c.crc + c.no_room;
-  if (refused == refused_seen_) return;
-  refused_seen_ = refused;
+  const double delay_ms = delay_.MedianMs(now_us);
   const std::lock_guard lock(mutex_);
   for (const auto& [reason, count] :
        {std::pair{"bad_slice", c.bad_slice}, std::pair{"duplicate_slice", c.duplicate_slice},
         std::pair{"late_slice", c.late_slice}, std::pair{"incomplete", c.incomplete}, std::pair{"crc", c.crc},
-        std::pair{"no_room", c.no_room}}) {
+        std::pair{"quota", c.quota}, std::pair{"no_room", c.no_room}}) {
     if (count > 0) status_.drops[reason] = count;
+  }
+  for (AgentStatus& agent : status_.agents) {
+    const Reassembler::SourceStats stats = reassembler_.Stats(agent.epoch, now_us);
+    agent.repaired = stats.repaired;
+    agent.slice_loss = stats.slice_loss;
+    agent.delay_ms = agent.epoch == followed_epoch_ ? delay_ms : 0;
   }
 }
 
@@ -56,6 +75,7 @@ bool LiveIngest::Follows(std::int64_t epoch, std::int64_t now_us) {
     spdlog::info("ingest agent_epoch={:016x}", static_cast<std::uint64_t>(epoch));
     followed_epoch_ = epoch;
     clock_ = ClockMap();
+    delay_ = DelayWindow();
     next_sequence_ = -1;
     depths_.clear();
     amplitude_.release();
@@ -66,13 +86,10 @@ bool LiveIngest::Follows(std::int64_t epoch, std::int64_t now_us) {
 }
 
 void LiveIngest::OnColor(const EncodedFrame& encoded, std::int64_t now_us) {
-  // Numbers that the agent's sequence skips are pictures that were lost; the first of an epoch skips none.
+  // Numbers that the agent's sequence skips are pictures that were lost; the first of an epoch skips none. A
+  // step back is the reassembler's new start after a number that was a lie: it skips none either.
   std::int64_t lost = 0;
-  if (next_sequence_ >= 0) {
-    lost = encoded.sequence - next_sequence_;
-    if (lost < 0) return Drop("late");  // the reassembler delivers in order: only a forged number comes here
-    lost = std::min<std::int64_t>(lost, 1'000'000);
-  }
+  if (next_sequence_ >= 0) lost = std::clamp<std::int64_t>(encoded.sequence - next_sequence_, 0, 1'000'000);
   next_sequence_ = encoded.sequence + 1;
   next_frame_ += lost;
   if (lost > 0) {
@@ -185,6 +202,7 @@ AgentStatus& LiveIngest::Agent(std::int64_t epoch, std::int64_t now_us) {
         agents.begin(), agents.end(),
         [](const AgentStatus& a, const AgentStatus& b) { return a.last_heard_us < b.last_heard_us; }));
   }
+  ++epochs_heard_;
   AgentStatus agent;
   agent.epoch = epoch;
   agent.last_heard_us = now_us;

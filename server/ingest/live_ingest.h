@@ -19,6 +19,7 @@
 #include "proto/link/reassembler.h"
 #include "server/ingest/captured_frame.h"
 #include "server/ingest/clock_map.h"
+#include "server/ingest/delay_window.h"
 
 namespace mixstage {
 
@@ -32,6 +33,9 @@ struct AgentStatus {
   std::int64_t last_heard_us = 0;  // server clock
   float color_fps = 0, depth_fps = 0, fisheye_fps = 0, encode_ms = 0;
   std::int64_t queue = 0, dropped = 0, send_errors = 0, lost = 0;
+  std::int64_t repaired = 0;  // pictures that parity made whole
+  double slice_loss = 0;      // 0 .. 1, share of the slices that did not arrive, last 10 s
+  double delay_ms = 0;        // median time on the way beyond the fastest, last 10 s; 0 when not followed
 };
 
 struct IngestStatus {
@@ -59,13 +63,20 @@ class LiveIngest {
   void OnSlice(const mixstage_lcm::frame_slice_t& slice, std::int64_t now_us);
   void OnHead(const mixstage_lcm::head_angles_t& angles, std::int64_t now_us);
   void OnHealth(const mixstage_lcm::agent_health_t& health, std::int64_t now_us);
+  // Now and then, also when nothing comes: releases pictures that waited for older ones, refreshes what is
+  // known of the transport.
+  void Poll(std::int64_t now_us);
 
   [[nodiscard]] IngestStatus Status() const;
+  // Counts the agents that appeared; of the feeding thread.
+  [[nodiscard]] std::int64_t epochs_heard() const { return epochs_heard_; }
 
  private:
+  void TakePictures(std::int64_t now_us);
+  void OnPicture(const EncodedFrame& encoded, std::int64_t now_us);
   void OnColor(const EncodedFrame& encoded, std::int64_t now_us);
   void OnDepth(const EncodedFrame& encoded, std::int64_t now_us);
-  void PublishTransportCounters();
+  void PublishTransportCounters(std::int64_t now_us);
   bool Follows(std::int64_t epoch, std::int64_t now_us);
   AgentStatus& Agent(std::int64_t epoch, std::int64_t now_us);
   std::shared_ptr<const DepthPicture> NewestDepthBefore(std::int64_t capture_us) const;
@@ -74,12 +85,13 @@ class LiveIngest {
   const Rig rig_;
   CapturedFrames& out_;
   Reassembler reassembler_;
-  std::int64_t refused_seen_ = 0;
+  std::int64_t transport_due_us_ = 0, epochs_heard_ = 0;
   JpegDecoder jpeg_;
   DepthDecoder depth_decoder_;
 
   std::int64_t followed_epoch_ = 0, followed_heard_us_ = 0;
   ClockMap clock_;
+  DelayWindow delay_;                // of the followed agent's pictures
   std::int64_t next_sequence_ = -1;  // of colour, in the followed epoch
   std::int64_t next_frame_ = 0;
   std::deque<std::shared_ptr<const DepthPicture>> depths_;  // newest at the back

@@ -47,10 +47,23 @@ std::string LiveShow::MetricsText() const {
                         .Register(registry);
   auto& agent_lost =
       counter("mixstage_agent_lost_total", "Colour pictures of an agent that never became whole");
+  auto& agent_repaired =
+      counter("mixstage_agent_repaired_total", "Pictures of an agent that parity made whole");
+  auto agent_gauge = [&](const char* name, const char* help) -> auto& {
+    return prometheus::BuildGauge().Name(name).Help(help).Register(registry);
+  };
+  auto& agent_slice_loss =
+      agent_gauge("mixstage_agent_slice_loss_ratio", "Share of slices that did not arrive, last 10 s");
+  auto& agent_delay = agent_gauge("mixstage_agent_delay_seconds",
+                                  "Median time on the way beyond the fastest picture, last 10 s");
   for (const WatchAgent& agent : stats.agents) {
     agent_fps.Add({{"agent", agent.name}, {"epoch", agent.epoch}}).Set(agent.color_fps);
     agent_lost.Add({{"agent", agent.name}, {"epoch", agent.epoch}})
         .Increment(static_cast<double>(agent.lost));
+    agent_repaired.Add({{"agent", agent.name}, {"epoch", agent.epoch}})
+        .Increment(static_cast<double>(agent.repaired));
+    agent_slice_loss.Add({{"agent", agent.name}, {"epoch", agent.epoch}}).Set(agent.slice_loss);
+    agent_delay.Add({{"agent", agent.name}, {"epoch", agent.epoch}}).Set(agent.delay_ms * 1e-3);
   }
   return prometheus::TextSerializer().Serialize(registry.Collect());
 }

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 
 #include "proto/base/clock.h"
@@ -18,6 +19,7 @@ constexpr int kHandleMs = 50;
 constexpr std::int64_t kStatsWindowUs = 10'000'000;
 constexpr std::int64_t kRateWindowUs = 2'000'000;  // of fps and bitrate
 constexpr auto kStatsPeriod = std::chrono::milliseconds(500);
+constexpr std::int64_t kGreetPauseUs = 1'000'000;
 constexpr std::int64_t kSilentUs = 3'000'000;   // an agent not heard for this long is gone
 constexpr std::int64_t kStalledUs = 2'000'000;  // no colour for this long: say so
 // 12.5 Hz, less half a colour frame: capture times tremble.
@@ -69,7 +71,33 @@ void LiveShow::RunIngest(const std::stop_token& stop) {
       .on_head = [this](const mixstage_lcm::head_angles_t& a) { ingest_.OnHead(a, MonotonicMicros()); },
       .on_health = [this](const mixstage_lcm::agent_health_t& h) { ingest_.OnHealth(h, MonotonicMicros()); },
   });
-  while (!stop.stop_requested()) link_->HandleFor(kHandleMs);
+  while (!stop.stop_requested()) {
+    link_->HandleFor(kHandleMs);
+    const std::int64_t now_us = MonotonicMicros();
+    ingest_.Poll(now_us);
+    GreetNewAgents(now_us);
+    commands_.SendDue(*link_, now_us);
+  }
+}
+
+// An agent that starts after the server has missed what was said at its start. Whoever forges agents gets one
+// command a second out of it, not one for each.
+void LiveShow::GreetNewAgents(std::int64_t now_us) {
+  if (parity_thousandths_ < 0 || now_us < greet_due_us_) return;
+  const std::int64_t heard = ingest_.epochs_heard();
+  if (heard == epochs_greeted_) return;
+  epochs_greeted_ = heard;
+  greet_due_us_ = now_us + kGreetPauseUs;
+  SendToAgents({AgentVerb::kParity, parity_thousandths_});
+}
+
+void LiveShow::SendToAgents(AgentCommand command, std::int64_t target_epoch) {
+  commands_.Send(command, target_epoch);
+}
+
+void LiveShow::SetAgentParity(double share) {
+  parity_thousandths_ = static_cast<int>(std::lround(share * kMaxParityThousandths));
+  SendToAgents({AgentVerb::kParity, parity_thousandths_});
 }
 
 void LiveShow::RunFrames() {
@@ -205,7 +233,8 @@ WatchStats LiveShow::Stats() const {
     stats.agents.push_back({epoch, a.name, age_s, a.color_fps, a.depth_fps,
                             static_cast<std::uint64_t>(std::max<std::int64_t>(0, a.dropped)),
                             static_cast<std::uint64_t>(std::max<std::int64_t>(0, a.queue)), a.encode_ms,
-                            static_cast<std::uint64_t>(a.lost)});
+                            static_cast<std::uint64_t>(a.lost), static_cast<std::uint64_t>(a.repaired),
+                            a.slice_loss, a.delay_ms});
   }
   const double color_age_s = static_cast<double>(now_us - in.last_color_us) * 1e-6;
   if (!agent_lives) {

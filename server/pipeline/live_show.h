@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "proto/base/bounded_queue.h"
+#include "proto/link/agent_commands.h"
 #include "proto/link/lcm_link.h"
 #include "server/ingest/live_ingest.h"
 #include "server/pipeline/broadcast.h"
@@ -33,6 +34,11 @@ class LiveShow {
   LiveShow(const LiveShow&) = delete;
   LiveShow& operator=(const LiveShow&) = delete;
 
+  // Asks agents for something (SPEC.md 2.5); returns at once, any thread.
+  void SendToAgents(AgentCommand command, std::int64_t target_epoch = kEveryAgent);
+  // The parity that every agent shall use, 0 .. 1, also those that appear later; any thread.
+  void SetAgentParity(double share);
+
   // Prometheus text; any thread.
   [[nodiscard]] std::string MetricsText() const;
   // What was wrong when a thread had to give up; empty while the show runs.
@@ -40,6 +46,7 @@ class LiveShow {
 
  private:
   void RunIngest(const std::stop_token& stop);
+  void GreetNewAgents(std::int64_t now_us);
   void RunFrames();
   void RunEncode();
   void RunMeshes();
@@ -63,6 +70,9 @@ class LiveShow {
   std::int64_t meshed_us_ = 0;  // capture of the last frame that was offered; the frame thread's
   std::shared_ptr<const DepthPicture> meshed_depth_;
   LiveIngest ingest_;
+  CommandSender commands_;
+  std::atomic<int> parity_thousandths_ = -1;            // -1: agents keep their own
+  std::int64_t epochs_greeted_ = 0, greet_due_us_ = 0;  // of the ingest thread
   StageTimes times_;
 
   // A picture that was shown: what statistics over the last seconds are made of.

@@ -21,6 +21,7 @@ TEST(StudioConfig, WhatIsPrintedReadsBack) {
   config.color.preset = EncoderPreset::kVeryfast;
   config.depth.bitrate_bps = 3'500'000;
   config.learn_frames = 45;
+  config.parity = 0.14;
   const auto back = ParseStudioConfig(ToYaml(config), "/etc/studio.yaml");
   ASSERT_TRUE(back) << back.error().message;
   EXPECT_EQ(ToYaml(*back), ToYaml(config));
@@ -29,6 +30,7 @@ TEST(StudioConfig, WhatIsPrintedReadsBack) {
 TEST(StudioConfig, MistakesNameFileLineAndKey) {
   const std::pair<const char*, const char*> cases[] = {{"version: 1\nlisten_to: x\n", "listen_to"},
                                                        {"version: 2\n", "version"},
+                                                       {"parity: 1.5\n", "parity"},
                                                        {"background:\n  learn_frames: 2\n", "learn_frames"},
                                                        {"color: {preset: slow}\n", "preset"},
                                                        {"color: {bitrate_mbps: .nan}\n", "bitrate_mbps"},
