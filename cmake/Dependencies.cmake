@@ -17,6 +17,7 @@ find_package(Boost 1.74 REQUIRED)
 find_package(OpenSSL 3.0 REQUIRED)
 pkg_check_modules(lcm REQUIRED IMPORTED_TARGET lcm) # 1.3.1 ships no CMake package
 pkg_check_modules(libav REQUIRED IMPORTED_TARGET libavcodec libavutil)
+pkg_check_modules(egl REQUIRED IMPORTED_TARGET egl)
 find_program(LCM_GEN lcm-gen REQUIRED)
 
 # Headers of third parties are system headers: their warnings are not ours.

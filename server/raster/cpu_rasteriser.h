@@ -5,7 +5,7 @@
 
 #include "server/raster/raster_lens.h"
 #include "server/raster/rasteriser.h"
-#include "server/raster/scan.h"
+#include "server/raster/scan_picture.h"
 #include "server/raster/split_triangle.h"
 
 namespace mixstage::raster {
@@ -24,20 +24,13 @@ class CpuRasteriser final : public Rasteriser {
 
  private:
   void Scan(const TriangleMeshView& mesh, const Eigen::Affine3d& T_camera_object, int first_id, Faces faces,
-            std::int32_t* triangle);
+            const ScanTarget& target);
   void ScanSplit(const ScanBatch& like, const ScanTarget& target);
-  // Forgets what was drawn inside touched_.
-  void Clear();
 
   const PinholeCamera camera_;
   const RasterLens picture_lens_;
   RasterLens lens_;  // on the grid
-  int grid_width_ = 0, grid_height_ = 0;
-  // Rows padded by kRowPadding; the buffer's pictures are parts of these.
-  cv::Mat1f inverse_z_, depth_m_;
-  cv::Mat1i triangle_;
-  TouchedBox touched_;
-  VisibilityBuffer buffer_;
+  ScanPicture picture_;
   // Scratch, kept for its memory.
   std::vector<ProjectedVertex> projected_;
   std::vector<std::uint32_t> needs_split_, never_split_;

@@ -164,6 +164,14 @@ ProjectedVertex RasterLens::Project(const Eigen::Vector3f& p) const {
   return v;
 }
 
+Affine34 Affine34::Of(const Eigen::Affine3d& T) {
+  Affine34 rows;
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 4; ++c) rows.m[r][c] = static_cast<float>(T.matrix()(r, c));
+  }
+  return rows;
+}
+
 void ProjectVerticesScalar(const RasterLens& lens, const Affine34& T_camera_object,
                            std::span<const Eigen::Vector3f> positions, std::span<ProjectedVertex> out) {
   MIX_CHECK(positions.size() == out.size());

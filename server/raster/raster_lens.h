@@ -3,7 +3,7 @@
 // A pinhole camera with its distortion, in single precision, as the rasteriser needs it.
 #pragma once
 
-#include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cstddef>
 #include <span>
 
@@ -36,6 +36,7 @@ struct RasterLens {
 // Rows of a 3 x 4 affine transform.
 struct Affine34 {
   float m[3][4] = {};
+  static Affine34 Of(const Eigen::Affine3d& T);
   [[nodiscard]] Eigen::Vector3f operator*(const Eigen::Vector3f& p) const {
     return {m[0][0] * p.x() + m[0][1] * p.y() + m[0][2] * p.z() + m[0][3],
             m[1][0] * p.x() + m[1][1] * p.y() + m[1][2] * p.z() + m[1][3],

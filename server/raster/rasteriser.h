@@ -15,8 +15,13 @@
 
 namespace mixstage {
 
+namespace gl {
+class Gpu;
+}
+
 enum class RasterBackend {
-  kCpu = 1,
+  kCpu = 1,  // this processor's vectors, one thread
+  kEgl,      // OpenGL 4.5 through EGL: a GPU, or a software driver of it
 };
 
 enum class Faces {
@@ -48,6 +53,7 @@ struct VisibilityBuffer {
 struct TriangleMeshView {
   std::span<const Eigen::Vector3f> positions;  // metres, object frame
   std::span<const std::uint32_t> indices;      // a multiple of 3, each < positions.size() (checked: our bug)
+  void Check() const;
 };
 
 struct RasterConfig {
@@ -62,6 +68,9 @@ struct RasterConfig {
 // split until the chord of an edge stays within 0.05 px of its curve (algorithms 13). 1/z is linear inside
 // one. Equal depth: the first drawn stays. Triangles with a corner that is not finite, or beyond the angle
 // where the lens folds back, are not drawn (those across the fold are drawn up to it).
+//
+// Back ends agree but where a triangle's edge runs through a pixel's centre: corners are the same to the bit,
+// of the fill rule GL only promises that such a pixel belongs to one triangle.
 class Rasteriser {
  public:
   virtual ~Rasteriser() = default;
@@ -77,8 +86,10 @@ class Rasteriser {
   virtual const VisibilityBuffer& Finish() = 0;
 };
 
-// Fails (kInvalidConfig, the field named) when the camera is not valid or near_m is not in 1e-4..10.
+// Fails (kInvalidConfig, the field named) when the camera is not valid or near_m is not in 1e-4..10, with kEgl
+// also (kUnavailable) without EGL. gpu: what kEgl draws with; null = one of its own.
 Result<std::unique_ptr<Rasteriser>> CreateRasteriser(RasterBackend backend, const PinholeCamera& camera,
-                                                     const RasterConfig& config);
+                                                     const RasterConfig& config,
+                                                     std::shared_ptr<gl::Gpu> gpu = nullptr);
 
 }  // namespace mixstage
