@@ -21,6 +21,29 @@ std::int64_t RandomEpoch() {
   return epoch;
 }
 
+TakeList ListOf(Stream stream) {
+  switch (stream) {
+    case Stream::kColor:
+      return TakeList::kColor;
+    case Stream::kDepth:
+      return TakeList::kDepth;
+    case Stream::kAmplitude:
+      return TakeList::kAmplitude;
+    case Stream::kFisheye:
+      break;
+  }
+  return TakeList::kFisheye;
+}
+
+void Record(const Captured& captured, TakeRecorder& recorder) {
+  if (const auto* picture = std::get_if<CapturedPicture>(&captured.what)) {
+    recorder.Picture(ListOf(picture->stream), captured.t_us, picture->content);
+  } else {
+    const auto& angles = std::get<CapturedAngles>(captured.what);
+    recorder.Head(captured.t_us, angles.pan_deg, angles.tilt_deg);
+  }
+}
+
 // What the capturing thread hands over. `index` counts everything captured of a stream: a gap is a drop.
 struct Queued {
   Captured captured;
@@ -30,7 +53,7 @@ struct Queued {
 }  // namespace
 
 AgentTotals RunAgent(Source& source, Pace pace, LcmLink& link, const PublisherConfig& config,
-                     std::stop_token stop) {
+                     TakeRecorder* recorder, std::stop_token stop) {
   BoundedQueue<Queued> queue(kQueuePictures, pace == Pace::kReal ? WhenFull::kDropOldest : WhenFull::kWait);
   std::atomic<std::int64_t> dropped = 0;
   AgentTotals totals;
@@ -63,6 +86,7 @@ AgentTotals RunAgent(Source& source, Pace pace, LcmLink& link, const PublisherCo
     }
     if (!*captured) break;
     ++totals.captured;
+    if (recorder != nullptr) Record(**captured, *recorder);
     std::int64_t number = 0;
     if (const auto* picture = std::get_if<CapturedPicture>(&(*captured)->what)) {
       number = index[static_cast<std::size_t>(picture->stream)]++;

@@ -6,6 +6,7 @@
 
 #include "capture_agent/publisher.h"
 #include "capture_agent/sources/source.h"
+#include "proto/take/take_recorder.h"
 
 namespace mixstage {
 
@@ -15,7 +16,8 @@ struct AgentTotals {
 
 // Runs a source until it ends or `stop`: one thread captures, one publishes, a bounded queue between them.
 // With Pace::kReal a full queue drops its oldest picture, so that capture never waits for the network.
+// `recorder` gets all that the source gives, before the network; null = none.
 AgentTotals RunAgent(Source& source, Pace pace, LcmLink& link, const PublisherConfig& config,
-                     std::stop_token stop);
+                     TakeRecorder* recorder, std::stop_token stop);
 
 }  // namespace mixstage

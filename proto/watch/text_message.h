@@ -50,6 +50,12 @@ struct WatchAgent {
   std::uint64_t lost = 0;
 };
 
+struct WatchRecording {  // the server's own, of what arrives
+  bool active = false;
+  double seconds = 0;         // length of the running take, or of the last
+  std::uint64_t dropped = 0;  // pictures it lacks
+};
+
 struct WatchStats {
   std::int64_t server_us = 0;
   std::string state{};    // live, learning, no_agent, stalled, no_depth
@@ -64,6 +70,7 @@ struct WatchStats {
   std::vector<WatchStage> stages{};
   std::vector<WatchAgent> agents{};
   double depth_age_s = 0;
+  WatchRecording recording{};
 };
 
 struct WatchPong {

@@ -32,12 +32,14 @@ std::string Sentence(const char* format, double value) {
 
 }  // namespace
 
-LiveShow::LiveShow(std::unique_ptr<LcmLink> link, Studio studio, Broadcast broadcast, Gateway& gateway)
+LiveShow::LiveShow(std::unique_ptr<LcmLink> link, Studio studio, Broadcast broadcast, Gateway& gateway,
+                   std::unique_ptr<TakeRecorder> recorder)
     : link_(std::move(link)),
       studio_(std::move(studio)),
       broadcast_(std::move(broadcast)),
       gateway_(gateway),
-      ingest_(studio_.rig(), captured_),
+      recorder_(std::move(recorder)),
+      ingest_(studio_.rig(), captured_, recorder_.get()),
       times_(kStageWindow) {
   encode_thread_ = std::jthread([this] { RunEncode(); });
   frame_thread_ = std::jthread([this] { RunFrames(); });
@@ -162,6 +164,10 @@ WatchStats LiveShow::Stats() const {
       stats.stages.push_back(
           {found->first, stage.budget_ms, found->second.wall_ms.mean, found->second.cpu_ms.mean});
     }
+  }
+  if (recorder_) {
+    const RecordingStatus recording = recorder_->status();
+    stats.recording = {recording.active, recording.seconds, static_cast<std::uint64_t>(recording.dropped)};
   }
   bool agent_lives = false;
   for (const AgentStatus& a : in.agents) {

@@ -25,7 +25,8 @@ WatchStats FullStats() {
           .drops = {{"late", 3}, {"lost", 5}},
           .stages = {{"warp_depth", 3.0, 2.5, 2.25}},
           .agents = {{"0123456789abcdef", "head-1", 0.2, 30, 12.5, 1, 2, 2.0, 4}},
-          .depth_age_s = 3.5};
+          .depth_age_s = 3.5,
+          .recording = {true, 12.5, 3}};
 }
 
 TEST(ServerMessage, HelloComesBack) {
@@ -51,7 +52,7 @@ TEST(ServerMessage, StatsHaveTheFieldsOfTheSpecification) {
     "stages": [{"name": "warp_depth", "budget_ms": 3.0, "wall_ms": 2.5, "cpu_ms": 2.25}],
     "agents": [{"epoch": "0123456789abcdef", "name": "head-1", "age_s": 0.2, "color_fps": 30.0, "depth_fps": 12.5,
                 "drops": 1, "queue": 2, "encode_ms": 2.0, "lost": 4}],
-    "depth_age_s": 3.5})");
+    "depth_age_s": 3.5, "recording": {"active": true, "seconds": 12.5, "dropped": 3}})");
   EXPECT_EQ(json, expected);
 }
 
