@@ -23,6 +23,29 @@ std::int64_t RandomEpoch() {
   return epoch;
 }
 
+TakeList ListOf(Stream stream) {
+  switch (stream) {
+    case Stream::kColor:
+      return TakeList::kColor;
+    case Stream::kDepth:
+      return TakeList::kDepth;
+    case Stream::kAmplitude:
+      return TakeList::kAmplitude;
+    case Stream::kFisheye:
+      break;
+  }
+  return TakeList::kFisheye;
+}
+
+void Record(const Captured& captured, TakeRecorder& recorder) {
+  if (const auto* picture = std::get_if<CapturedPicture>(&captured.what)) {
+    recorder.Picture(ListOf(picture->stream), captured.t_us, picture->content);
+  } else {
+    const auto& angles = std::get<CapturedAngles>(captured.what);
+    recorder.Head(captured.t_us, angles.pan_deg, angles.tilt_deg);
+  }
+}
+
 // What the capturing thread hands over. `index` counts everything captured of a stream: a gap is a drop.
 struct Queued {
   Captured captured;
@@ -30,7 +53,7 @@ struct Queued {
 };
 
 // Hears the server until `stop`.
-void HearCommands(LcmLink& link, std::int64_t epoch, const AgentHooks& hooks, std::atomic<double>& parity,
+void HearCommands(LcmLink& link, std::int64_t epoch, TakeRecorder* recorder, std::atomic<double>& parity,
                   const std::stop_token& stop) {
   CommandReceiver receiver(epoch);
   link.Subscribe({.on_command = [&](const mixstage_lcm::agent_command_t& message) {
@@ -41,8 +64,13 @@ void HearCommands(LcmLink& link, std::int64_t epoch, const AgentHooks& hooks, st
         parity = command->value * 1e-3;
         return spdlog::info("agent parity={}", parity.load());
       case AgentVerb::kRecord:
+        if (recorder == nullptr)
+          return spdlog::warn("agent record=refused reason=\"started without --record\"");
+        if (auto ok = recorder->Start(); !ok)
+          spdlog::warn("agent record=refused reason=\"{}\"", ok.error().message);
+        return;
       case AgentVerb::kStopRecording:
-        if (hooks.on_record) hooks.on_record(command->verb == AgentVerb::kRecord);
+        if (recorder != nullptr) recorder->Stop();
         return;
     }
   }});
@@ -52,7 +80,7 @@ void HearCommands(LcmLink& link, std::int64_t epoch, const AgentHooks& hooks, st
 }  // namespace
 
 AgentTotals RunAgent(Source& source, Pace pace, LcmLink& link, const PublisherConfig& config,
-                     std::stop_token stop, const AgentHooks& hooks) {
+                     TakeRecorder* recorder, std::stop_token stop) {
   BoundedQueue<Queued> queue(kQueuePictures, pace == Pace::kReal ? WhenFull::kDropOldest : WhenFull::kWait);
   std::atomic<std::int64_t> dropped = 0;
   AgentTotals totals;
@@ -60,7 +88,7 @@ AgentTotals RunAgent(Source& source, Pace pace, LcmLink& link, const PublisherCo
   std::atomic<double> parity = config.parity;
 
   const std::jthread commands(
-      [&](const std::stop_token& done) { HearCommands(link, epoch, hooks, parity, done); });
+      [&](const std::stop_token& done) { HearCommands(link, epoch, recorder, parity, done); });
   std::jthread publishing([&] {
     Publisher publisher(config, link, epoch);
     std::array<std::int64_t, 5> next_index{};
@@ -90,6 +118,7 @@ AgentTotals RunAgent(Source& source, Pace pace, LcmLink& link, const PublisherCo
     }
     if (!*captured) break;
     ++totals.captured;
+    if (recorder != nullptr) Record(**captured, *recorder);
     std::int64_t number = 0;
     if (const auto* picture = std::get_if<CapturedPicture>(&(*captured)->what)) {
       number = index[static_cast<std::size_t>(picture->stream)]++;

@@ -18,7 +18,8 @@ namespace mixstage {
 namespace {
 
 struct Options {
-  std::string source, rig_file, lcm_url = kDefaultLcmUrl, rate = "real", log_level = "info", name = "head-1";
+  std::string source, rig_file, lcm_url = kDefaultLcmUrl, rate = "real", log_level = "info", name = "head-1",
+                                record;
   bool loop = false;
   double parity = kDefaultParity;
 };
@@ -43,6 +44,14 @@ Result<std::unique_ptr<Source>> OpenSource(const Options& options, Pace pace) {
   return Fail(ErrorCode::kInvalidConfig, "--source " + options.source + " is neither take:DIR nor synthetic");
 }
 
+// The rig.json that a recording gets: the one given, or the played take's.
+std::optional<std::filesystem::path> RigFile(const Options& options) {
+  if (!options.rig_file.empty()) return options.rig_file;
+  constexpr std::string_view kTake = "take:";
+  if (!options.source.starts_with(kTake)) return std::nullopt;
+  return RigFileOf(options.source.substr(kTake.size()));
+}
+
 Status Run(const Options& options) {
   if (auto ok = StartLog("mixstage-agent", options.log_level); !ok) return ok;
   // Signals are taken by one thread that waits for them; blocked before any other thread starts.
@@ -58,6 +67,13 @@ Status Run(const Options& options) {
   auto link = LcmLink::Create(options.lcm_url);
   if (!link) return tl::unexpected(link.error());
 
+  std::unique_ptr<TakeRecorder> recorder;
+  if (!options.record.empty()) {
+    recorder = std::make_unique<TakeRecorder>(
+        TakeWriterConfig{.folder = options.record, .rig_file = RigFile(options)});
+    if (auto ok = recorder->Start(); !ok) return Within("--record", ok.error());
+  }
+
   std::stop_source stop;
   std::jthread signal_thread([&](const std::stop_token& done) {
     const timespec poll{0, 100'000'000};
@@ -69,7 +85,7 @@ Status Run(const Options& options) {
   config.name = options.name;
   config.parity = options.parity;
   spdlog::info("agent name={} source={} lcm={}", options.name, options.source, options.lcm_url);
-  const AgentTotals t = RunAgent(**source, pace, **link, config, stop.get_token());
+  const AgentTotals t = RunAgent(**source, pace, **link, config, recorder.get(), stop.get_token());
   spdlog::info("agent end captured={} published={} dropped={} unreadable={} send_errors={}", t.captured,
                t.published, t.dropped, t.unreadable, t.send_errors);
   if (t.captured == 0 && t.unreadable > 0) {
@@ -94,6 +110,7 @@ int main(int argc, char** argv) {
       ->check(CLI::IsMember({"real", "max"}))
       ->capture_default_str();
   app.add_option("--rig", options.rig_file, "synthetic: rig.json whose cameras see the room");
+  app.add_option("--record", options.record, "folder to record into (a new take), while publishing");
   app.add_option("--lcm", options.lcm_url, "LCM URL")->capture_default_str();
   app.add_option(
          "--parity", options.parity,

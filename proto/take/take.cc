@@ -17,7 +17,12 @@ namespace fs = std::filesystem;
 constexpr std::size_t kMaxLines = 10'000'000;
 constexpr double kTumBenchmarkUnitM = 0.0002;
 
-// Calls read(stream of one line, place) for every line that is neither empty nor a comment.
+enum class LineEnd {
+  kNewline = 1,
+  kTorn,  // the file ends inside this line: a recording that lost its power, or an editor's habit
+};
+
+// Calls read(stream of one line, its end) for every line that is neither empty nor a comment.
 template <typename Read>
 Status ForEachLine(const fs::path& file, Read read) {
   std::ifstream in(file);
@@ -28,7 +33,9 @@ Status ForEachLine(const fs::path& file, Read read) {
     const std::size_t start = line.find_first_not_of(" \t\r");
     if (start == std::string::npos || line[start] == '#') continue;
     std::istringstream fields(line);
-    if (auto ok = read(fields); !ok) return Within(file.string() + ":" + std::to_string(number), ok.error());
+    const LineEnd end = in.eof() ? LineEnd::kTorn : LineEnd::kNewline;
+    if (auto ok = read(fields, end); !ok)
+      return Within(file.string() + ":" + std::to_string(number), ok.error());
   }
   return {};
 }
@@ -51,20 +58,29 @@ bool LeavesTheTake(const fs::path& folder, const fs::path& relative) {
   return relative.is_absolute() || inside.empty() || *inside.begin() == "..";
 }
 
+Status LeaveTornTailOut(Take& take, const fs::path& list) {
+  take.warnings.push_back(list.string() + ": ends in the middle of a line, which is left out");
+  return {};
+}
+
 Status ReadPictureList(Take& take, const char* name, std::vector<TakeEntry>& entries) {
   const fs::path list = take.folder / name;
   if (!fs::exists(list)) return {};
   int missing = 0;
   std::string first_missing;
-  auto read = [&](std::istringstream& fields) -> Status {
+  auto read = [&](std::istringstream& fields, LineEnd end) -> Status {
     TakeEntry entry;
     std::string relative;
-    if (!(fields >> entry.t_s >> relative)) return Fail(ErrorCode::kBadInput, "is not \"timestamp file\"");
+    if (!(fields >> entry.t_s >> relative)) {
+      if (end == LineEnd::kTorn) return LeaveTornTailOut(take, list);
+      return Fail(ErrorCode::kBadInput, "is not \"timestamp file\"");
+    }
     if (LeavesTheTake(take.folder, relative))
       return Fail(ErrorCode::kBadInput, relative + " leads out of the take's folder");
     entry.file = take.folder / relative;
     std::error_code ignored;
-    if (!fs::is_regular_file(entry.file, ignored)) {
+    // Empty: named in the list before a power cut, but never written to the disk.
+    if (!fs::is_regular_file(entry.file, ignored) || fs::file_size(entry.file, ignored) == 0) {
       if (missing++ == 0) first_missing = entry.file.string();
       return {};
     }
@@ -73,7 +89,7 @@ Status ReadPictureList(Take& take, const char* name, std::vector<TakeEntry>& ent
   if (auto ok = ForEachLine(list, read); !ok) return ok;
   if (missing > 0) {
     take.warnings.push_back(list.string() + ": " + std::to_string(missing) +
-                            " listed files are missing, the first is " + first_missing);
+                            " listed files are missing or empty, the first is " + first_missing);
   }
   return {};
 }
@@ -81,7 +97,9 @@ Status ReadPictureList(Take& take, const char* name, std::vector<TakeEntry>& ent
 Status ReadHead(Take& take) {
   const fs::path file = take.folder / "ptu.txt";
   if (!fs::exists(file)) return {};
-  return ForEachLine(file, [&](std::istringstream& fields) -> Status {
+  return ForEachLine(file, [&](std::istringstream& fields, LineEnd end) -> Status {
+    // Half an angle is a number, too.
+    if (end == LineEnd::kTorn) return LeaveTornTailOut(take, file);
     HeadSample sample;
     if (!(fields >> sample.t_s >> sample.pan_deg >> sample.tilt_deg) || !std::isfinite(sample.pan_deg) ||
         !std::isfinite(sample.tilt_deg)) {
@@ -135,7 +153,7 @@ Result<Take> OpenTake(const fs::path& folder) {
 
 Result<std::vector<PoseSample>> ReadPoses(const fs::path& file) {
   std::vector<PoseSample> poses;
-  auto read = [&](std::istringstream& fields) -> Status {
+  auto read = [&](std::istringstream& fields, LineEnd) -> Status {
     PoseSample sample;
     std::array<double, 7> numbers{};
     fields >> sample.t_s;
@@ -151,18 +169,19 @@ Result<std::vector<PoseSample>> ReadPoses(const fs::path& file) {
   return poses;
 }
 
+std::optional<fs::path> RigFileOf(const fs::path& folder) {
+  const fs::path beside = folder / "rig.json";
+  if (fs::exists(beside)) return beside;
+  const fs::path up = (fs::absolute(folder).lexically_normal() / ".." / "rig.json").lexically_normal();
+  if (fs::exists(up)) return up;
+  return std::nullopt;
+}
+
 Result<LoadedRig> RigOfTake(const Take& take, const RigChoice& choice) {
   auto size = ReadColorSize(take.color.front().file);
   if (!size) return tl::unexpected(size.error());
-  fs::path file;
-  if (choice.rig_file) {
-    file = *choice.rig_file;
-  } else if (fs::exists(take.folder / "rig.json")) {
-    file = take.folder / "rig.json";
-  } else if (const fs::path up = fs::absolute(take.folder).lexically_normal() / ".." / "rig.json";
-             fs::exists(up)) {
-    file = up.lexically_normal();
-  }
+  const auto found = choice.rig_file ? choice.rig_file : RigFileOf(take.folder);
+  const fs::path file = found.value_or(fs::path());
   LoadedRig loaded;
   if (file.empty()) {
     const double unit_m = choice.depth_unit_m.value_or(take.assumed_depth_unit_m);

@@ -41,8 +41,8 @@ struct Take {
 };
 
 // Fails when the folder or rgb.txt is missing, a line is no "timestamp file", times do not rise, or nothing
-// is left. A listed file that is missing is left out with a warning; a path that leaves the folder is an
-// error.
+// is left. A listed file that is missing or empty, and a last line that no newline ends and nobody can read
+// (ptu.txt: any such line), are left out with a warning; a path that leaves the folder is an error.
 Result<Take> OpenTake(const std::filesystem::path& folder);
 
 // A trajectory file "timestamp tx ty tz qx qy qz qw" (T_world_color).
@@ -52,6 +52,9 @@ struct RigChoice {
   std::optional<std::filesystem::path> rig_file;  // --rig; else rig.json in the folder, else one folder up
   std::optional<double> depth_unit_m;             // --depth-unit-m
 };
+
+// The rig.json that goes with a take: in its folder, else one folder up.
+std::optional<std::filesystem::path> RigFileOf(const std::filesystem::path& folder);
 
 // The rig of a take; assumed (with a warning that says what) where there is no rig.json. Fails when the
 // colour pictures are not of the size the rig states.

@@ -92,6 +92,13 @@ void JsonReader::Double(const std::string& name, double* out) {
   *out = value->get<double>();
 }
 
+void JsonReader::Bool(const std::string& name, bool* out) {
+  const nlohmann::json* value = Find(name);
+  if (value == nullptr) return;
+  if (!value->is_boolean()) return Refuse(name, "is neither true nor false");
+  *out = value->get<bool>();
+}
+
 void JsonReader::Text(const std::string& name, std::string* out) {
   const nlohmann::json* value = Find(name);
   if (value == nullptr) return;

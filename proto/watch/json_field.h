@@ -30,7 +30,8 @@ class JsonReader {
   void Int64(const std::string& name, std::int64_t* out);
   void Count(const std::string& name, std::uint64_t* out);  // >= 0
   void Double(const std::string& name, double* out);        // finite
-  void Text(const std::string& name, std::string* out);     // at most 1,024 bytes
+  void Bool(const std::string& name, bool* out);
+  void Text(const std::string& name, std::string* out);  // at most 1,024 bytes
   void List(const std::string& name, std::size_t max_items, const nlohmann::json** out);
   void Object(const std::string& name, const nlohmann::json** out);
   void Bool(const std::string& name, bool* out);

@@ -112,7 +112,7 @@ Result<ServerMessage> ParseHello(const JsonFields& fields) {
 
 Result<ServerMessage> ParseStats(const JsonFields& fields) {
   WatchStats stats;
-  const Json *latency = nullptr, *drops = nullptr, *stages = nullptr, *agents = nullptr;
+  const Json *latency = nullptr, *drops = nullptr, *stages = nullptr, *agents = nullptr, *recording = nullptr;
   JsonReader read(fields);
   read.Int64("server_us", &stats.server_us);
   read.Text("state", &stats.state);
@@ -128,7 +128,13 @@ Result<ServerMessage> ParseStats(const JsonFields& fields) {
   read.List("stages", 64, &stages);
   read.List("agents", 64, &agents);
   read.Double("depth_age_s", &stats.depth_age_s);
+  read.Object("recording", &recording);
   if (!read.status()) return Within("stats", read.status().error());
+  JsonReader read_recording(*recording);
+  read_recording.Bool("active", &stats.recording.active);
+  read_recording.Double("seconds", &stats.recording.seconds);
+  read_recording.Count("dropped", &stats.recording.dropped);
+  if (!read_recording.status()) return Within("stats: recording", read_recording.status().error());
   JsonReader read_latency(*latency);
   read_latency.Double("p50", &stats.latency_p50_ms);
   read_latency.Double("p99", &stats.latency_p99_ms);
@@ -263,7 +269,11 @@ std::string ToJson(const WatchStats& stats) {
                {"drops", std::move(drops)},
                {"stages", std::move(stages)},
                {"agents", std::move(agents)},
-               {"depth_age_s", Finite(stats.depth_age_s)}});
+               {"depth_age_s", Finite(stats.depth_age_s)},
+               {"recording",
+                {{"active", stats.recording.active},
+                 {"seconds", Finite(stats.recording.seconds)},
+                 {"dropped", stats.recording.dropped}}}});
 }
 
 std::string ToJson(const WatchPong& pong) {

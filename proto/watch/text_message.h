@@ -70,6 +70,12 @@ struct WatchAgent {
   double delay_ms = 0;    // median time on the way beyond the fastest, last 10 s
 };
 
+struct WatchRecording {  // the server's own, of what arrives
+  bool active = false;
+  double seconds = 0;         // length of the running take, or of the last
+  std::uint64_t dropped = 0;  // pictures it lacks
+};
+
 struct WatchStats {
   std::int64_t server_us = 0;
   std::string state{};    // live, learning, no_agent, stalled, no_depth
@@ -84,6 +90,7 @@ struct WatchStats {
   std::vector<WatchStage> stages{};
   std::vector<WatchAgent> agents{};
   double depth_age_s = 0;
+  WatchRecording recording{};
 };
 
 struct WatchPong {

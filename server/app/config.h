@@ -24,6 +24,8 @@ struct StudioConfig {
   int learn_frames = 30;              // L of piVE eq (1)
   std::string listen = "127.0.0.1:8080";
   std::filesystem::path page;  // the built page; empty = the installed one
+  std::filesystem::path
+      record;  // folder of a new take; by the command line alone: a file would name an old one
   VideoEncoderConfig color;
   VideoEncoderConfig depth{.format = VideoFormat::kDepth10, .bitrate_bps = 2'000'000};
 };

@@ -22,7 +22,7 @@ int Report(const Error& error) {
 }
 
 struct RunOptions {
-  std::string config, rig, scene, clean_plate, listen, lcm, page;
+  std::string config, rig, scene, clean_plate, listen, lcm, page, record;
   bool check = false, print = false;
 };
 
@@ -39,6 +39,7 @@ int Run(const RunOptions& o) {
   if (!o.listen.empty()) config.listen = o.listen;
   if (!o.lcm.empty()) config.lcm_url = o.lcm;
   if (!o.page.empty()) config.page = o.page;
+  config.record = o.record;
   if (o.print) {
     std::fputs(ToYaml(config).c_str(), stdout);
     return 0;
@@ -160,6 +161,8 @@ int main(int argc, char** argv) {
   run_command->add_option("--listen", run.listen, "ADDRESS:PORT, loopback only (default 127.0.0.1:8080)");
   run_command->add_option("--lcm", run.lcm, "LCM URL");
   run_command->add_option("--page", run.page, "folder of the built page");
+  run_command->add_option("--record", run.record,
+                          "folder to record into (a new take): what arrives, as it came");
   run_command->add_flag("--check-config", run.check, "read and check everything, then end");
   run_command->add_flag("--print-config", run.print, "print the configuration in force, then end");
   run_command->footer(

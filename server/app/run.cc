@@ -73,6 +73,19 @@ Result<Studio> OpenStudio(const StudioConfig& config) {
   return studio;
 }
 
+Result<std::unique_ptr<TakeRecorder>> StartRecording(const StudioConfig& config) {
+  if (config.record.empty()) return nullptr;
+  TakeWriterConfig take{.folder = config.record};
+  if (fs::is_directory(config.rig)) {
+    take.rig_file = RigFileOf(config.rig);
+  } else {
+    take.rig_file = config.rig;
+  }
+  auto recorder = std::make_unique<TakeRecorder>(take);
+  if (auto ok = recorder->Start(); !ok) return Within("--record", ok.error());
+  return recorder;
+}
+
 }  // namespace
 
 Status CheckShow(const StudioConfig& config) {
@@ -119,8 +132,11 @@ Status RunShow(const StudioConfig& config) {
   auto meshes = MeshBroadcast::Create(studio->rig().color, gateway);
   if (!meshes) return tl::unexpected(meshes.error());
   gateway.SetHello({.name = config.name, .server_us = 0, .streams = {}});
+  auto recorder = StartRecording(config);
+  if (!recorder) return tl::unexpected(recorder.error());
   {
-    LiveShow show(std::move(*link), std::move(*studio), std::move(*broadcast), std::move(*meshes), gateway);
+    LiveShow show(std::move(*link), std::move(*studio), std::move(*broadcast), std::move(*meshes), gateway,
+                  std::move(*recorder));
     if (config.parity) show.SetAgentParity(*config.parity);
     show_for_metrics = &show;
     const std::string host = config.listen.substr(0, config.listen.rfind(':'));

@@ -17,7 +17,8 @@ constexpr std::int64_t kTransportPeriodUs = 250'000;
 
 }  // namespace
 
-LiveIngest::LiveIngest(const Rig& rig, CapturedFrames& out) : rig_(rig), out_(out) {}
+LiveIngest::LiveIngest(const Rig& rig, CapturedFrames& out, TakeRecorder* recorder)
+    : rig_(rig), out_(out), recorder_(recorder) {}
 
 void LiveIngest::OnSlice(const mixstage_lcm::frame_slice_t& slice, std::int64_t now_us) {
   reassembler_.Add(slice, now_us);
@@ -45,8 +46,10 @@ void LiveIngest::OnPicture(const EncodedFrame& encoded, std::int64_t now_us) {
     case Stream::kDepth:
     case Stream::kAmplitude:
       return OnDepth(encoded, now_us);
-    case Stream::kFisheye:
-      return;  // the tracker's, once there is one
+    case Stream::kFisheye:  // the tracker's, once there is one
+      if (recorder_ != nullptr)
+        recorder_->Picture(TakeList::kFisheye, clock_.ToServer(encoded.t_us), encoded.bytes);
+      return;
   }
 }
 
@@ -110,6 +113,7 @@ void LiveIngest::OnColor(const EncodedFrame& encoded, std::int64_t now_us) {
   if (frame->color.width() != rig_.color.width || frame->color.height() != rig_.color.height) {
     return Drop("color_size_not_rig");
   }
+  if (recorder_ != nullptr) recorder_->Picture(TakeList::kColor, frame->capture_us, encoded.bytes);
   frame->depth = NewestDepthBefore(frame->capture_us);
   frame->head = head_;
   {
@@ -128,6 +132,10 @@ void LiveIngest::OnDepth(const EncodedFrame& encoded, std::int64_t now_us) {
   if (auto ok = depth_decoder_.Decode(encoded.bytes, picture); !ok) return Drop("bad_depth");
   if (!rig_.depth || picture.cols != rig_.depth->camera.width || picture.rows != rig_.depth->camera.height) {
     return Drop("depth_size_not_rig");
+  }
+  if (recorder_ != nullptr) {
+    recorder_->Picture(encoded.stream == Stream::kDepth ? TakeList::kDepth : TakeList::kAmplitude,
+                       clock_.ToServer(encoded.t_us), picture);
   }
   if (encoded.stream == Stream::kAmplitude) {
     amplitude_t_us_ = encoded.t_us;
@@ -167,6 +175,7 @@ void LiveIngest::OnHead(const mixstage_lcm::head_angles_t& angles, std::int64_t 
   if (angles.epoch != followed_epoch_) return;
   clock_.Observe(angles.t_us, now_us);
   head_ = HeadAngles{angles.pan_deg, angles.tilt_deg};
+  if (recorder_ != nullptr) recorder_->Head(clock_.ToServer(angles.t_us), angles.pan_deg, angles.tilt_deg);
 }
 
 void LiveIngest::OnHealth(const mixstage_lcm::agent_health_t& health, std::int64_t now_us) {

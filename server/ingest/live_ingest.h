@@ -17,6 +17,7 @@
 #include "proto/codec/jpeg.h"
 #include "proto/geometry/rig.h"
 #include "proto/link/reassembler.h"
+#include "proto/take/take_recorder.h"
 #include "server/ingest/captured_frame.h"
 #include "server/ingest/clock_map.h"
 #include "server/ingest/delay_window.h"
@@ -58,7 +59,9 @@ class LiveIngest {
   static constexpr std::int64_t kDepthStaleUs =
       1'000'000;  // older depth is no depth: the key goes on by colour
 
-  LiveIngest(const Rig& rig, CapturedFrames& out);
+  // recorder: gets every picture of the followed agent that arrived whole and fits the rig, as it came, with
+  // the time on the server's clock; null = none.
+  LiveIngest(const Rig& rig, CapturedFrames& out, TakeRecorder* recorder = nullptr);
 
   void OnSlice(const mixstage_lcm::frame_slice_t& slice, std::int64_t now_us);
   void OnHead(const mixstage_lcm::head_angles_t& angles, std::int64_t now_us);
@@ -84,6 +87,7 @@ class LiveIngest {
 
   const Rig rig_;
   CapturedFrames& out_;
+  TakeRecorder* const recorder_;
   Reassembler reassembler_;
   std::int64_t transport_due_us_ = 0, epochs_heard_ = 0;
   JpegDecoder jpeg_;

@@ -29,6 +29,10 @@ std::string LiveShow::MetricsText() const {
   gauge("mixstage_latency_seconds_p99", "Capture to encoded over the last 10 s, 99th percentile",
         stats.latency_p99_ms * 1e-3);
   gauge("mixstage_depth_age_seconds", "Since the last depth picture", stats.depth_age_s);
+  gauge("mixstage_recording", "1 while what arrives is recorded", stats.recording.active);
+  counter("mixstage_recording_dropped_total", "Pictures that the recording lacks")
+      .Add({})
+      .Increment(static_cast<double>(stats.recording.dropped));
   counter("mixstage_frames_total", "Composites encoded").Add({}).Increment(static_cast<double>(stats.frames));
   auto& drops = counter("mixstage_drops_total", "Pictures and messages dropped, by reason");
   for (const auto& [reason, count] : stats.drops)

@@ -38,13 +38,14 @@ std::string Sentence(const char* format, double value) {
 }  // namespace
 
 LiveShow::LiveShow(std::unique_ptr<LcmLink> link, Studio studio, Broadcast broadcast, MeshBroadcast meshes,
-                   Gateway& gateway)
+                   Gateway& gateway, std::unique_ptr<TakeRecorder> recorder)
     : link_(std::move(link)),
       studio_(std::move(studio)),
       broadcast_(std::move(broadcast)),
       meshes_(std::move(meshes)),
       gateway_(gateway),
-      ingest_(studio_.rig(), captured_),
+      recorder_(std::move(recorder)),
+      ingest_(studio_.rig(), captured_, recorder_.get()),
       times_(kStageWindow) {
   encode_thread_ = std::jthread([this] { RunEncode(); });
   mesh_thread_ = std::jthread([this] { RunMeshes(); });
@@ -222,6 +223,10 @@ WatchStats LiveShow::Stats() const {
       stats.stages.push_back(
           {found->first, stage.budget_ms, found->second.wall_ms.mean, found->second.cpu_ms.mean});
     }
+  }
+  if (recorder_) {
+    const RecordingStatus recording = recorder_->status();
+    stats.recording = {recording.active, recording.seconds, static_cast<std::uint64_t>(recording.dropped)};
   }
   bool agent_lives = false;
   for (const AgentStatus& a : in.agents) {

@@ -27,9 +27,9 @@ namespace mixstage {
 //   stats    twice a second: statistics to the viewers
 class LiveShow {
  public:
-  // `gateway` must have been started. The show starts at once.
+  // `gateway` must have been started. The show starts at once. `recorder`: of what arrives; null = none.
   LiveShow(std::unique_ptr<LcmLink> link, Studio studio, Broadcast broadcast, MeshBroadcast meshes,
-           Gateway& gateway);
+           Gateway& gateway, std::unique_ptr<TakeRecorder> recorder = nullptr);
   ~LiveShow();  // stops: closes every queue, then joins
   LiveShow(const LiveShow&) = delete;
   LiveShow& operator=(const LiveShow&) = delete;
@@ -60,6 +60,7 @@ class LiveShow {
   Broadcast broadcast_;
   MeshBroadcast meshes_;
   Gateway& gateway_;
+  const std::unique_ptr<TakeRecorder> recorder_;
 
   // Two places: one hiccup of the machine costs latency, not a picture; a server that is too slow drops all
   // the same.

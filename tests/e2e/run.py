@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """End to end: agent, LCM, server, encoder, gateway, decoding viewer.   run.py BUILD_DIR [NAME_PART]"""
+import json
 import os
 import pathlib
 import random
@@ -79,7 +80,6 @@ def a_killed_server_comes_back_and_the_viewer_reconnects():
         studio.server()
         out = viewer.communicate(timeout=40)[0]
         assert viewer.returncode == 0, viewer.returncode
-        import json
         seen = json.loads(out.strip().splitlines()[-1])
         assert seen["reconnects"] >= 1 and seen["frames"] > 60, seen
 
@@ -170,6 +170,60 @@ def metrics_and_health_tell_the_truth():
         assert any(name.startswith("mixstage_agent_color_frames_per_second") and value > 10 for name, value in values.items()), values
 
 
+def listed(take, name="rgb"):
+    """(timestamp, file) of a list."""
+    lines = [line.split() for line in (take / f"{name}.txt").read_text().splitlines() if not line.startswith("#")]
+    return [(float(t), take / file) for t, file in lines]
+
+
+def a_killed_server_leaves_a_take_that_plays():
+    with tempfile.TemporaryDirectory() as folder, Studio(BUILD) as studio:
+        take, out = pathlib.Path(folder) / "take", pathlib.Path(folder) / "out"
+        server = studio.server("--record", take)
+        studio.agent()
+        studio.wait_until_live()
+        time.sleep(4)
+        assert studio.metrics()["mixstage_recording"] == 1
+        end_s = time.monotonic()  # the server's clock
+        crash(server)
+        color = listed(take)
+        missing_s = end_s - color[-1][0]
+        assert missing_s <= 1, f"the last {missing_s:.2f} s are not in the take"
+        assert len(color) > 60 and len(listed(take, "depth")) > 20, len(color)
+        assert (take / "rig.json").read_bytes() == (DEMO / "rig.json").read_bytes()
+        run = subprocess.run([str(BUILD / "mixstage-server"), "--log-level", "warn", "process", "--take", str(take), "--out", str(out),
+                              "--export", "report", "--json"], capture_output=True, text=True, timeout=300)
+        assert run.returncode == 0, run.stderr
+        report = json.loads(run.stdout)
+        assert report["frames"] == len(color) and not report["drops"], (len(color), report["frames"], report["drops"])
+        again = subprocess.run([str(BUILD / "mixstage-server"), "run", "--rig", str(DEMO / "rig.json"), "--lcm", studio.lcm, "--listen",
+                                "127.0.0.1:0", "--record", str(take)], capture_output=True, text=True, timeout=30)
+        assert again.returncode == 2 and "rgb.txt" in again.stderr, again.stderr
+        return f"{len(color)} pictures, the last {1000 * missing_s:.0f} ms missing"
+
+
+def a_recording_of_a_recording_is_the_same_bytes():
+    with tempfile.TemporaryDirectory() as folder, Studio(BUILD) as studio:
+        first, second = pathlib.Path(folder) / "first", pathlib.Path(folder) / "second"
+        agent = studio.agent("synthetic", "--record", first, "--rig", DEMO / "rig.json")
+        Studio.wait_for(lambda: (first / "depth.txt").exists() and len(listed(first)) > 60, 30, "the agent records nothing")
+        agent.send_signal(signal.SIGTERM)
+        assert agent.wait(timeout=20) == 0
+        server = studio.server("--record", second, rig=first)
+        agent = studio.agent(f"take:{first}")
+        assert agent.wait(timeout=60) == 0
+        server.send_signal(signal.SIGTERM)
+        assert server.wait(timeout=20) == 0
+        for name in ("rgb", "depth", "amplitude"):
+            played, recorded = listed(first, name), listed(second, name)
+            assert len(recorded) >= 0.9 * len(played) > 0, (name, len(played), len(recorded))  # the last may still be under way
+            whole = {file.read_bytes(): t for t, file in played}
+            offsets = [t - whole[file.read_bytes()] for t, file in recorded]  # KeyError: changed bytes
+            assert max(offsets) - min(offsets) < 0.05, (name, min(offsets), max(offsets))
+        angles = [line.split()[1:] for line in (second / "ptu.txt").read_text().splitlines()[1:]]
+        assert angles and angles[0] == (first / "ptu.txt").read_text().splitlines()[1].split()[1:], angles[:1]
+
+
 def wrong_use_is_one_line_and_exit_2():
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
@@ -211,7 +265,8 @@ def help_and_version_answer_everywhere():
 TESTS = [help_and_version_answer_everywhere, wrong_use_is_one_line_and_exit_2, live_show_reaches_the_viewer,
          the_order_of_starting_does_not_matter, a_killed_agent_comes_back, a_killed_server_comes_back_and_the_viewer_reconnects,
          stalled_and_rude_viewers_disturb_nobody, a_foreign_page_is_refused, hostile_datagrams_do_not_disturb_the_show,
-         sigterm_ends_cleanly, no_server_never_blocks_the_agent, metrics_and_health_tell_the_truth]
+         sigterm_ends_cleanly, no_server_never_blocks_the_agent, metrics_and_health_tell_the_truth,
+         a_killed_server_leaves_a_take_that_plays, a_recording_of_a_recording_is_the_same_bytes]
 
 if len(sys.argv) > 2:
     TESTS = [t for t in TESTS if sys.argv[2] in t.__name__]

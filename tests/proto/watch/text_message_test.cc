@@ -25,7 +25,8 @@ WatchStats FullStats() {
           .drops = {{"late", 3}, {"lost", 5}},
           .stages = {{"warp_depth", 3.0, 2.5, 2.25}},
           .agents = {{"0123456789abcdef", "head-1", 0.2, 30, 12.5, 1, 2, 2.0, 4, 9, 0.01, 1.5}},
-          .depth_age_s = 3.5};
+          .depth_age_s = 3.5,
+          .recording = {true, 12.5, 3}};
 }
 
 TEST(ServerMessage, HelloComesBack) {
@@ -72,7 +73,7 @@ TEST(ServerMessage, StatsHaveTheFieldsOfTheSpecification) {
     "agents": [{"epoch": "0123456789abcdef", "name": "head-1", "age_s": 0.2, "color_fps": 30.0, "depth_fps": 12.5,
                 "drops": 1, "queue": 2, "encode_ms": 2.0, "lost": 4,
                 "repaired": 9, "slice_loss": 0.01, "delay_ms": 1.5}],
-    "depth_age_s": 3.5})");
+    "depth_age_s": 3.5, "recording": {"active": true, "seconds": 12.5, "dropped": 3}})");
   EXPECT_EQ(json, expected);
 }
 

@@ -2,6 +2,9 @@
 #include "server/ingest/live_ingest.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
+
+#include "server/ingest/take_ingest.h"
 
 namespace mixstage {
 namespace {
@@ -9,7 +12,8 @@ namespace {
 // A head of 16x16 colour and 8x8 depth whose pictures are fed slice by slice.
 class LiveIngestTest : public testing::Test {
  protected:
-  LiveIngestTest() : rig_(SmallRig()), ingest_(rig_, out_) {}
+  LiveIngestTest() : rig_(SmallRig()), ingest_(rig_, out_, &recorder_) {}
+  ~LiveIngestTest() override { std::filesystem::remove_all(folder_); }
 
   static Rig SmallRig() {
     Rig rig = AssumedRig(16, 16, 0.001);
@@ -48,6 +52,9 @@ class LiveIngestTest : public testing::Test {
   static constexpr std::int64_t kTravelUs = 400;
   Rig rig_;
   CapturedFrames out_{1, WhenFull::kDropOldest};
+  const std::filesystem::path folder_ =
+      std::filesystem::temp_directory_path() / ("mixstage_live_ingest_" + std::to_string(getpid()));
+  TakeRecorder recorder_{{.folder = folder_}};
   LiveIngest ingest_;
 };
 
@@ -98,6 +105,32 @@ TEST_F(LiveIngestTest, PicturesOfAnotherSizeAreCountedDrops) {
   EncodedFrame frame{.epoch = 7, .t_us = 5, .sequence = 0, .width = 16, .height = 16, .bytes = {1, 2, 3}};
   Send(frame, 10);
   EXPECT_EQ(ingest_.Status().drops.at("bad_jpeg"), 1);
+}
+
+TEST_F(LiveIngestTest, ARecordingPlaysAsTheShowSawIt) {
+  ASSERT_TRUE(recorder_.Start());
+  std::vector<std::shared_ptr<const CapturedFrame>> live;
+  for (int i = 0; i < 5; ++i) {
+    SendDepth(i, 1'000'000 + 80'000 * i);
+    SendDepth(i, 1'000'000 + 80'000 * i, 9);  // of another camera: not of this take
+    SendColor(i, 1'010'000 + 80'000 * i);
+    live.push_back(Newest());
+  }
+  recorder_.Stop();
+  const auto take = OpenTake(folder_);
+  ASSERT_TRUE(take) << take.error().message;
+  ASSERT_EQ(take->depth.size(), 5u);
+  TakeIngest ingest(*take, rig_);
+  ASSERT_EQ(ingest.frames(), 5);
+  for (int i = 0; i < 5; ++i) {
+    std::string warning;
+    const auto played = *ingest.Load(i, warning);
+    const auto& seen = *live[static_cast<std::size_t>(i)];
+    EXPECT_EQ(played->capture_us, seen.capture_us);
+    EXPECT_EQ(played->depth->capture_us, seen.depth->capture_us);
+    EXPECT_EQ(cv::norm(played->color.y, seen.color.y, cv::NORM_L1), 0);
+    EXPECT_EQ(cv::norm(played->depth->counts, seen.depth->counts, cv::NORM_L1), 0);
+  }
 }
 
 TEST_F(LiveIngestTest, AgentsNamesAreMadeHarmless) {
