@@ -27,16 +27,49 @@ const kStats = {
       queue: 0,
       encode_ms: 2,
       lost: 0,
+      repaired: 4,
+      slice_loss: 0.01,
+      delay_ms: 1.2,
+      recording: false,
     },
   ],
   depth_age_s: 0.04,
+  recording: { active: false, seconds: 0, dropped: 0 },
 };
 const kHello = {
   type: 'hello',
   protocol: 1,
   name: 'studio-1',
   server_us: 7,
+  role: 'director',
   streams: [{ stream: 'color', codec: 'avc1.64001F', width: 1024, height: 768 }],
+  camera: { width: 1024, height: 768, fx: 900, fy: 901, cx: 511.5, cy: 383.5 },
+};
+const kObject = {
+  id: 1,
+  name: 'statue',
+  file: 'statue.glb',
+  pose: [1, 0, 0, 2, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1],
+  body: 'mutual',
+  triangles: 1200,
+  bounds: [-1, -1, 0, 1, 1, 2],
+  base: [2, 0, 0],
+  radius_m: 0.3,
+  hidden: false,
+};
+const kLight = { id: 1, name: 'lamp', kind: 'area', position: [0, 0, 2], color: [1, 1, 1], intensity: 1 };
+const kScene = {
+  type: 'scene',
+  revision: 7,
+  frame: 'world',
+  up: [0, 0, 1],
+  can_undo: true,
+  can_redo: false,
+  unsaved: true,
+  by: 'anna',
+  objects: [kObject],
+  lights: [kLight],
+  models: ['statue.glb'],
 };
 
 function reasonOf(message: unknown): string {
@@ -68,14 +101,14 @@ describe('a control message', () => {
     const decoded = decodeControlMessage('{"type":"hello","protocol":2}');
     expect(decoded).toEqual({
       ok: true,
-      value: { type: 'hello', hello: { protocol: 2, name: '', server_us: 0, streams: [] } },
+      value: { type: 'hello', hello: { protocol: 2, name: '', server_us: 0, streams: [], role: 'viewer', camera: null } },
     });
   });
 
   it('passes over types of a later version', () => {
-    expect(decodeControlMessage('{"type":"mesh"}')).toEqual({
+    expect(decodeControlMessage('{"type":"later"}')).toEqual({
       ok: true,
-      value: { type: 'unknown', name: 'mesh' },
+      value: { type: 'unknown', name: 'later' },
     });
   });
 
@@ -98,10 +131,65 @@ describe('a control message', () => {
   });
 
   it('refuses what lacks any one field', () => {
-    for (const key of Object.keys(kStats).filter((name) => name !== 'type')) {
+    const optional = ['type', 'recording'];
+    for (const key of Object.keys(kStats).filter((name) => !optional.includes(name))) {
       const { [key as keyof typeof kStats]: _left, ...rest } = kStats;
       expect(reasonOf(rest), key).not.toBe('accepted');
     }
+    for (const key of Object.keys(kScene).filter((name) => name !== 'type')) {
+      const { [key as keyof typeof kScene]: _left, ...rest } = kScene;
+      expect(reasonOf(rest), key).not.toBe('accepted');
+    }
+  });
+
+  it('takes what an older server leaves out as not known', () => {
+    const { recording: _recording, ...rest } = kStats;
+    const { repaired: _r, slice_loss: _s, delay_ms: _d, recording: _a, ...agent } = kStats.agents[0] ?? {};
+    const decoded = decodeControlMessage(JSON.stringify({ ...rest, agents: [agent] }));
+    if (!decoded.ok || decoded.value.type !== 'stats') throw new Error('refused');
+    expect(decoded.value.stats.recording).toBeNull();
+    expect(decoded.value.stats.agents[0]).toMatchObject({ slice_loss: null, delay_ms: null, recording: null });
+    const { role: _role, camera: _camera, ...hello } = kHello;
+    const greeted = decodeControlMessage(JSON.stringify(hello));
+    if (!greeted.ok || greeted.value.type !== 'hello') throw new Error('refused');
+    expect(greeted.value.hello).toMatchObject({ role: 'viewer', camera: null });
+  });
+
+  it('reads a scene whole', () => {
+    const decoded = decodeControlMessage(JSON.stringify(kScene));
+    if (!decoded.ok || decoded.value.type !== 'scene') throw new Error(reasonOf(kScene));
+    const { type: _type, ...sent } = kScene;
+    expect(decoded.value.scene).toEqual(sent);
+  });
+
+  it('names what is wrong in a scene', () => {
+    const withObject = (part: object): unknown => ({ ...kScene, objects: [{ ...kObject, ...part }] });
+    expect(reasonOf(withObject({ pose: [1, 2, 3] }))).toBe('scene: pose is not 16 finite numbers');
+    expect(reasonOf(withObject({ base: [1, null, 3] }))).toBe('scene: base is not 3 finite numbers');
+    expect(reasonOf(withObject({ id: 0 }))).toBe('scene: id is not a whole number from 1');
+    expect(reasonOf(withObject({ hidden: 1 }))).toBe('scene: hidden is neither true nor false');
+    expect(reasonOf({ ...kScene, up: [0, 0, 2] })).toBe('scene: up is not of length 1');
+    expect(reasonOf({ ...kScene, frame: 'moon' })).toBe('scene: frame is neither world nor camera');
+    expect(reasonOf({ ...kScene, models: [7] })).toBe('scene: models[0] is not text');
+    expect(reasonOf({ ...kScene, lights: [{ ...kLight, intensity: -1 }] })).toBe('scene: intensity is negative');
+  });
+
+  it('reads a light from far away, which stands nowhere', () => {
+    const { position: _position, ...sun } = kLight;
+    const decoded = decodeControlMessage(JSON.stringify({ ...kScene, lights: [sun] }));
+    if (!decoded.ok || decoded.value.type !== 'scene') throw new Error('refused');
+    expect(decoded.value.scene.lights[0]?.position).toBeNull();
+  });
+
+  it('reads why an edit was not done', () => {
+    expect(decodeControlMessage('{"type":"refused","id":3,"reason":"There is no object 9."}')).toEqual({
+      ok: true,
+      value: { type: 'refused', refused: { id: 3, reason: 'There is no object 9.' } },
+    });
+    expect(reasonOf({ ...kHello, role: 'king' })).toBe('hello: role is none of viewer, director');
+    expect(reasonOf({ ...kHello, camera: { ...kHello.camera, fx: 0 } })).toBe(
+      'hello: camera has a focal length of 0',
+    );
   });
 
   it('cuts text that no person would read', () => {

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 import { accept, refuse, type Decoded } from './decoded';
-import { FieldError, numberAt, recordOf, recordsAt, textAt, type JsonRecord } from './json_fields';
+import type { Edit } from './edit';
+import { FieldError, amountAt, numberAt, recordOf, recordsAt, textAt, type JsonRecord } from './json_fields';
 import { kStreamNames, type StreamName } from './picture_message';
+import { sceneOf, type Scene } from './scene';
 import { statsOf, type Stats } from './stats';
 
 /** The version of the viewer stream that this page speaks. */
@@ -16,6 +18,19 @@ export interface StreamOffer {
   height: number;
 }
 
+export const kRoles = ['viewer', 'director'] as const;
+export type Role = (typeof kRoles)[number];
+
+/** The colour camera without its distortion, in pixels. */
+export interface Pinhole {
+  width: number;
+  height: number;
+  fx: number;
+  fy: number;
+  cx: number;
+  cy: number;
+}
+
 export interface Hello {
   protocol: number;
   /** Name of the show. */
@@ -23,6 +38,16 @@ export interface Hello {
   server_us: number;
   /** Empty until the server has seen a first picture. */
   streams: StreamOffer[];
+  /** Of this viewer. A server that says nothing lets nobody edit. */
+  role: Role;
+  /** Null while not known. */
+  camera: Pinhole | null;
+}
+
+/** An edit that was not done, and why: a sentence. */
+export interface Refused {
+  id: number;
+  reason: string;
 }
 
 export interface Pong {
@@ -34,11 +59,20 @@ export type ControlMessage =
   | { type: 'hello'; hello: Hello }
   | { type: 'stats'; stats: Stats }
   | { type: 'pong'; pong: Pong }
+  | { type: 'scene'; scene: Scene }
+  | { type: 'refused'; refused: Refused }
   /** Of a later version: skipped, not refused. */
   | { type: 'unknown'; name: string };
 
+/** What can be subscribed to: the streams of pictures, and all meshes together. */
+export type Subscription = StreamName | 'mesh';
+
 export type ViewerMessage =
-  { type: 'ping'; viewer_us: number } | { type: 'subscribe'; streams: StreamName[] } | { type: 'keyframe' };
+  | { type: 'ticket'; ticket: string }
+  | { type: 'ping'; viewer_us: number }
+  | { type: 'subscribe'; streams: Subscription[] }
+  | { type: 'keyframe' }
+  | Edit;
 
 function sideAt(record: JsonRecord, key: string): number {
   const side = numberAt(record, key);
@@ -57,6 +91,28 @@ function offersAt(record: JsonRecord): StreamOffer[] {
   });
 }
 
+function roleOf(record: JsonRecord): Role {
+  if (record['role'] === undefined) return 'viewer';
+  const role = kRoles.find((known) => known === record['role']);
+  if (role === undefined) throw new FieldError(`role is none of ${kRoles.join(', ')}`);
+  return role;
+}
+
+function cameraOf(record: JsonRecord): Pinhole | null {
+  if (record['camera'] === undefined) return null;
+  const camera = recordOf(record['camera'], 'camera');
+  const pinhole = {
+    width: sideAt(camera, 'width'),
+    height: sideAt(camera, 'height'),
+    fx: amountAt(camera, 'fx'),
+    fy: amountAt(camera, 'fy'),
+    cx: numberAt(camera, 'cx'),
+    cy: numberAt(camera, 'cy'),
+  };
+  if (pinhole.fx === 0 || pinhole.fy === 0) throw new FieldError('camera has a focal length of 0');
+  return pinhole;
+}
+
 function helloOf(record: JsonRecord): Hello {
   const protocol = numberAt(record, 'protocol');
   const known = protocol === kProtocol;
@@ -65,6 +121,8 @@ function helloOf(record: JsonRecord): Hello {
     name: known ? textAt(record, 'name') : '',
     server_us: known ? numberAt(record, 'server_us') : 0,
     streams: known ? offersAt(record) : [],
+    role: known ? roleOf(record) : 'viewer',
+    camera: known ? cameraOf(record) : null,
   };
 }
 
@@ -82,6 +140,9 @@ export function decodeControlMessage(text: string): Decoded<ControlMessage> {
         pong: { viewer_us: numberAt(record, 'viewer_us'), server_us: numberAt(record, 'server_us') },
       });
     }
+    if (type === 'scene') return accept({ type, scene: sceneOf(record) });
+    if (type === 'refused')
+      return accept({ type, refused: { id: numberAt(record, 'id'), reason: textAt(record, 'reason') } });
     return accept({ type: 'unknown', name: type });
   } catch (error) {
     if (error instanceof FieldError) return refuse(`${type}: ${error.message}`);

@@ -43,6 +43,38 @@ export function recordsAt(record: JsonRecord, key: string): JsonRecord[] {
   return value.map((item, index) => recordOf(item, `${key}[${index}]`));
 }
 
+export function textsAt(record: JsonRecord, key: string): string[] {
+  const value = record[key];
+  if (!Array.isArray(value) || value.length > kMaxListItems)
+    throw new FieldError(`${key} is not a list of at most ${kMaxListItems}`);
+  return value.map((item, index) => {
+    if (typeof item !== 'string') throw new FieldError(`${key}[${index}] is not text`);
+    return item.slice(0, kMaxTextChars);
+  });
+}
+
+export function flagAt(record: JsonRecord, key: string): boolean {
+  const value = record[key];
+  if (typeof value !== 'boolean') throw new FieldError(`${key} is neither true nor false`);
+  return value;
+}
+
+/** A number that the server gave to a thing of the scene, from 1. */
+export function idAt(record: JsonRecord, key: string): number {
+  const value = numberAt(record, key);
+  if (!Number.isInteger(value) || value < 1 || value > 0xffff_ffff)
+    throw new FieldError(`${key} is not a whole number from 1`);
+  return value;
+}
+
+/** Exactly `count` finite numbers. */
+export function numbersAt(record: JsonRecord, key: string, count: number): number[] {
+  const value = record[key];
+  if (!Array.isArray(value) || value.length !== count || !value.every(Number.isFinite))
+    throw new FieldError(`${key} is not ${count} finite numbers`);
+  return value as number[];
+}
+
 /** Counters by name. */
 export function countersAt(record: JsonRecord, key: string): ReadonlyMap<string, number> {
   const counters = recordOf(record[key], key);

@@ -3,6 +3,7 @@ import {
   FieldError,
   amountAt,
   countersAt,
+  flagAt,
   numberAt,
   recordOf,
   recordsAt,
@@ -30,6 +31,20 @@ export interface AgentHealth {
   queue: number;
   encode_ms: number;
   lost: number;
+  /** Pictures that parity made whole; null: not known. */
+  repaired: number | null;
+  /** Share of datagrams that did not arrive in the last 10 s, 0..1. */
+  slice_loss: number | null;
+  /** Median time on the way beyond the fastest, last 10 s. */
+  delay_ms: number | null;
+  recording: boolean | null;
+}
+
+/** What the agents write to their disks. */
+export interface Recording {
+  active: boolean;
+  seconds: number;
+  dropped: number;
 }
 
 /** SPEC 4.2 `stats`, twice a second. */
@@ -51,6 +66,28 @@ export interface Stats {
   stages: StageTime[];
   agents: AgentHealth[];
   depth_age_s: number;
+  /** Null: not known. */
+  recording: Recording | null;
+}
+
+/** What an older server leaves out is not known. */
+function ifThere<T>(record: JsonRecord, key: string, read: (from: JsonRecord, key: string) => T): T | null {
+  return record[key] === undefined ? null : read(record, key);
+}
+
+function shareAt(record: JsonRecord, key: string): number {
+  const share = amountAt(record, key);
+  if (share > 1) throw new FieldError(`${key} is above 1`);
+  return share;
+}
+
+function recordingAt(record: JsonRecord, key: string): Recording {
+  const recording = recordOf(record[key], key);
+  return {
+    active: flagAt(recording, 'active'),
+    seconds: amountAt(recording, 'seconds'),
+    dropped: amountAt(recording, 'dropped'),
+  };
 }
 
 function stateOf(record: JsonRecord): ServerState {
@@ -79,6 +116,10 @@ function agentOf(record: JsonRecord): AgentHealth {
     queue: amountAt(record, 'queue'),
     encode_ms: amountAt(record, 'encode_ms'),
     lost: amountAt(record, 'lost'),
+    repaired: ifThere(record, 'repaired', amountAt),
+    slice_loss: ifThere(record, 'slice_loss', shareAt),
+    delay_ms: ifThere(record, 'delay_ms', amountAt),
+    recording: ifThere(record, 'recording', flagAt),
   };
 }
 
@@ -100,5 +141,6 @@ export function statsOf(record: JsonRecord): Stats {
     stages: recordsAt(record, 'stages').map(stageOf),
     agents: recordsAt(record, 'agents').map(agentOf),
     depth_age_s: numberAt(record, 'depth_age_s'),
+    recording: ifThere(record, 'recording', recordingAt),
   };
 }

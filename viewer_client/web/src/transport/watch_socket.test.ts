@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 import { afterEach, beforeEach, describe, expect, it, vi } from 'vitest';
+import type { Admission } from './admission';
 import { WatchSocket, type Link, type SocketLike } from './watch_socket';
 
 class FakeSocket implements SocketLike {
   binaryType: BinaryType = 'blob';
   readyState = 1;
+  onopen: ((event: Event) => void) | null = null;
   onclose: ((event: CloseEvent) => void) | null = null;
   onmessage: ((event: MessageEvent) => void) | null = null;
   sent: string[] = [];
@@ -13,6 +15,9 @@ class FakeSocket implements SocketLike {
   }
   close(): void {
     this.readyState = 3;
+  }
+  opens(): void {
+    this.onopen?.({} as Event);
   }
   says(data: unknown): void {
     this.onmessage?.({ data } as MessageEvent);
@@ -27,6 +32,8 @@ const kHello = '{"type":"hello","protocol":1,"name":"a","server_us":0,"streams":
 let sockets: FakeSocket[];
 let links: Link[];
 let refused: string[];
+let tokens: (string | null)[];
+let admission: Admission;
 let watch: WatchSocket;
 
 function newest(): FakeSocket {
@@ -35,21 +42,31 @@ function newest(): FakeSocket {
   return socket;
 }
 
-beforeEach(() => {
+beforeEach(async () => {
   vi.useFakeTimers();
+  tokens = [];
+  admission = { kind: 'open' };
   sockets = [];
   links = [];
   refused = [];
   const handlers = {
     onLink: (link: Link) => links.push(link),
     onPicture: () => undefined,
+    onMesh: () => undefined,
     onControl: () => undefined,
     onRefused: (reason: string) => refused.push(reason),
   };
-  watch = new WatchSocket('ws://here/watch', handlers, () => {
-    sockets.push(new FakeSocket());
-    return newest();
+  watch = new WatchSocket('ws://here/watch', null, handlers, {
+    admit: async (_, token) => {
+      tokens.push(token);
+      return admission;
+    },
+    makeSocket: () => {
+      sockets.push(new FakeSocket());
+      return newest();
+    },
   });
+  await vi.advanceTimersByTimeAsync(0);
 });
 afterEach(() => {
   watch.close();
@@ -57,35 +74,35 @@ afterEach(() => {
 });
 
 describe('WatchSocket', () => {
-  it('comes back after 0.5, 1, 2, 4 and 4 s and counts', () => {
+  it('comes back after 0.5, 1, 2, 4 and 4 s and counts', async () => {
     for (const [index, wait_ms] of [500, 1000, 2000, 4000, 4000].entries()) {
       newest().breaks();
       expect(links.at(-1)).toEqual({ phase: 'waiting', attempt: index + 1 });
-      vi.advanceTimersByTime(wait_ms - 1);
+      await vi.advanceTimersByTimeAsync(wait_ms - 1);
       expect(sockets.length).toBe(index + 1);
-      vi.advanceTimersByTime(1);
+      await vi.advanceTimersByTimeAsync(1);
       expect(sockets.length).toBe(index + 2);
     }
   });
 
-  it('counts from the start again once a hello came, not when a socket opened', () => {
+  it('counts from the start again once a hello came, not when a socket opened', async () => {
     newest().breaks();
-    vi.advanceTimersByTime(500);
+    await vi.advanceTimersByTimeAsync(500);
     newest().breaks();
-    vi.advanceTimersByTime(1000);
+    await vi.advanceTimersByTimeAsync(1000);
     newest().says(kHello);
     expect(links.at(-1)).toEqual({ phase: 'open', attempt: 0 });
     newest().breaks();
     expect(links.at(-1)).toEqual({ phase: 'waiting', attempt: 1 });
   });
 
-  it('gives up a peer that has fallen silent', () => {
+  it('gives up a peer that has fallen silent', async () => {
     newest().says(kHello);
-    vi.advanceTimersByTime(3900);
+    await vi.advanceTimersByTimeAsync(3900);
     newest().says('{"type":"later"}');
-    vi.advanceTimersByTime(3900);
+    await vi.advanceTimersByTimeAsync(3900);
     expect(links.at(-1)?.phase).toBe('open');
-    vi.advanceTimersByTime(300);
+    await vi.advanceTimersByTimeAsync(300);
     expect(links.at(-1)?.phase).toBe('waiting');
     expect(sockets[0]?.readyState).toBe(3);
   });
@@ -99,8 +116,9 @@ describe('WatchSocket', () => {
 
   it('reports what it does not believe and goes on', () => {
     newest().says(new ArrayBuffer(3));
+    newest().says(new Uint8Array([0x4d, 0x58, 0x57, 0x31, 3]).buffer);
     newest().says('{"type":"pong"}');
-    expect(refused).toEqual(['picture: short', 'pong: viewer_us is not a finite number']);
+    expect(refused).toEqual(['picture: short', 'mesh: short', 'pong: viewer_us is not a finite number']);
     newest().says(kHello);
     expect(links.at(-1)?.phase).toBe('open');
   });
@@ -111,9 +129,50 @@ describe('WatchSocket', () => {
     expect(watch.send({ type: 'keyframe' })).toBe(false);
   });
 
-  it('stays closed once closed', () => {
+  it('stays closed once closed', async () => {
     watch.close();
-    vi.advanceTimersByTime(60_000);
+    await vi.advanceTimersByTimeAsync(60_000);
     expect(sockets.length).toBe(1);
+  });
+
+  it('waits for a token, and sends the ticket that it brings before anything else', async () => {
+    admission = { kind: 'login' };
+    newest().breaks();
+    await vi.advanceTimersByTimeAsync(60_000);
+    expect(links.at(-1)?.phase).toBe('login');
+    expect(sockets.length).toBe(1);
+    admission = { kind: 'wrong_token' };
+    watch.logIn('wrong');
+    await vi.advanceTimersByTimeAsync(60_000);
+    expect(links.at(-1)?.phase).toBe('wrong_token');
+    admission = { kind: 'ticket', ticket: 'abc', name: 'anna' };
+    watch.logIn('right');
+    await vi.advanceTimersByTimeAsync(0);
+    newest().opens();
+    expect(newest().sent).toEqual(['{"type":"ticket","ticket":"abc"}']);
+    expect(watch.name).toBe('anna');
+    expect(tokens).toEqual([null, null, 'wrong', 'right']);
+  });
+
+  it('tries again later when nothing answers, and fetches a ticket for each connection', async () => {
+    admission = { kind: 'later' };
+    watch.logIn('right');
+    await vi.advanceTimersByTimeAsync(0);
+    expect(links.at(-1)).toEqual({ phase: 'waiting', attempt: 1 });
+    admission = { kind: 'ticket', ticket: 'abc', name: 'anna' };
+    await vi.advanceTimersByTimeAsync(500);
+    newest().breaks();
+    await vi.advanceTimersByTimeAsync(1000);
+    expect(tokens).toEqual([null, 'right', 'right', 'right']);
+  });
+
+  it('forgets the connection of the one who logged out', async () => {
+    newest().says(kHello);
+    const first = newest();
+    admission = { kind: 'login' };
+    watch.logIn(null);
+    await vi.advanceTimersByTimeAsync(0);
+    expect(first.readyState).toBe(3);
+    expect(links.at(-1)?.phase).toBe('login');
   });
 });

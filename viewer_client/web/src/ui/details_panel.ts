@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 import type { AgentHealth, Stats } from '../transport/stats';
 import type { Status } from '../view/messages';
+import type { RoomCounts } from '../view/room_messages';
 import { budgetBar, kFrameBudget_ms } from './budget_bar';
 import { el } from './dom';
 import { icon } from './icons';
@@ -133,8 +134,46 @@ function agentRow(agent: AgentHealth): Cell[] {
     { text: agent.encode_ms.toFixed(1) },
     { text: count(agent.queue) },
     { text: count(agent.drops) },
-    { text: count(agent.lost), over: agent.lost > 0 },
   ];
+}
+
+function known(value: number | null, show: (value: number) => string): Cell {
+  return value === null ? { text: fixed(null, 0), title: 'not known' } : { text: show(value) };
+}
+
+/** How pictures fare on the way from the rig. */
+function wayRow(agent: AgentHealth): Cell[] {
+  return [
+    { text: agent.name },
+    known(agent.slice_loss, (loss) => (100 * loss).toFixed(2)),
+    known(agent.repaired, count),
+    { text: count(agent.lost), over: agent.lost > 0 },
+    known(agent.delay_ms, (delay) => delay.toFixed(1)),
+    { text: agent.recording === null ? fixed(null, 0) : agent.recording ? 'yes' : 'no' },
+  ];
+}
+
+function way(stats: Stats): HTMLElement {
+  const number = true;
+  const recording = stats.recording?.active === true ? stats.recording : null;
+  return part(
+    'Network and recording',
+    recording === null
+      ? 'last 10 s'
+      : `recording for ${span(recording.seconds)}, ${count(recording.dropped)} dropped`,
+    table(
+      [
+        { title: 'name' },
+        { title: 'loss %', number },
+        { title: 'repaired', number },
+        { title: 'lost', number },
+        { title: 'delay ms', number },
+        { title: 'records', number },
+      ],
+      stats.agents.map(wayRow),
+      'way-table',
+    ),
+  );
 }
 
 function agents(stats: Stats): HTMLElement {
@@ -152,7 +191,6 @@ function agents(stats: Stats): HTMLElement {
         { title: 'encode', number },
         { title: 'queue', number },
         { title: 'drops', number },
-        { title: 'lost', number },
       ],
       stats.agents.map(agentRow),
       'agents-table',
@@ -164,7 +202,7 @@ function trouble(reason: string): Node[] {
   return [el('dt', { text: 'last trouble' }), el('dd', { class: 'wide', text: reason })];
 }
 
-function page(stats: Stats, status: Status): HTMLElement {
+function page(stats: Stats, status: Status, room: RoomCounts | null): HTMLElement {
   const pair = (name: string, value: string): Node[] => [el('dt', { text: name }), el('dd', { text: value })];
   return part(
     'This page',
@@ -180,6 +218,15 @@ function page(stats: Stats, status: Status): HTMLElement {
       ...pair('round trip', `${fixed(status.round_trip_ms, 1)} ms`),
       ...pair('decoder restarts', count(status.restarts)),
       ...pair('messages refused', count(status.refused)),
+      ...(room === null
+        ? []
+        : [
+            ...pair('3D triangles', count(room.triangles)),
+            ...pair('3D drawn in', `${fixed(room.draw_ms, 1)} ms`),
+            ...pair('meshes skipped', count(room.superseded)),
+            ...pair('meshes refused', count(room.refused)),
+          ]),
+      ...(room === null || room.last_trouble === '' ? [] : trouble(room.last_trouble)),
       ...(status.last_trouble === '' ? [] : trouble(status.last_trouble)),
     ),
   );
@@ -221,7 +268,7 @@ export class DetailsPanel {
     this.root.style.width = `${Math.max(kLeastWidth_px, Math.round(width_px))}px`;
   }
 
-  update(stats: Stats | null, status: Status): void {
+  update(stats: Stats | null, status: Status, room: RoomCounts | null): void {
     if (!this.open) return;
     if (stats === null) {
       this.#content.replaceChildren(
@@ -234,7 +281,8 @@ export class DetailsPanel {
       latency(stats, status),
       drops(stats),
       agents(stats),
-      page(stats, status),
+      ...(stats.agents.length > 0 ? [way(stats)] : []),
+      page(stats, status, room),
     );
   }
 }

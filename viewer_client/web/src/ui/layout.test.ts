@@ -2,7 +2,7 @@
 import { describe, expect, it } from 'vitest';
 import { fit, kHead_px, layoutOf, type LayoutInput, type Rect } from './layout';
 
-const kRail = { width: 296, height: 132 };
+const kRail = { width: 264, height: 300 };
 const kWindows = [
   [1264, 660],
   [1904, 1020],
@@ -13,7 +13,9 @@ const kWindows = [
 ] as const;
 const kCases = kWindows.flatMap(([width, height]) =>
   [4 / 3, 16 / 9].flatMap((aspect) =>
-    [0, 1, 2, 3].map((panes): LayoutInput => ({ width, height, aspect, panes, rail: kRail })),
+    [0, 1, 2].flatMap((pictures) =>
+      [false, true].map((room): LayoutInput => ({ width, height, aspect, pictures, room, rail: kRail })),
+    ),
   ),
 );
 
@@ -23,11 +25,12 @@ function overlap(a: Rect, b: Rect): boolean {
 
 describe('the layout', () => {
   it.each(kCases)(
-    '$width x $height, aspect $aspect, $panes panes: inside, apart, controls have room',
+    '$width x $height, aspect $aspect, $pictures pictures, 3D $room: inside, apart, controls have room',
     (input) => {
-      const { main, panes, rail } = layoutOf(input);
-      expect(panes.length).toBe(input.panes);
-      const all = [main, ...panes, rail];
+      const { main, pictures, room, rail } = layoutOf(input);
+      expect(pictures.length).toBe(input.pictures);
+      expect(room !== null).toBe(input.room);
+      const all = [main, ...pictures, ...(room === null ? [] : [room]), rail];
       for (const rect of all) {
         expect(rect.x).toBeGreaterThanOrEqual(0);
         expect(rect.y).toBeGreaterThanOrEqual(0);
@@ -36,19 +39,22 @@ describe('the layout', () => {
       }
       for (const [index, rect] of all.entries())
         for (const other of all.slice(index + 1)) expect(overlap(rect, other)).toBe(false);
-      expect(rail.width).toBeGreaterThanOrEqual(kRail.width - 1);
+      expect(rail.width).toBeGreaterThanOrEqual(240);
       expect(rail.height).toBeGreaterThanOrEqual(kRail.height - 2);
     },
   );
 
   it.each(kCases)(
-    '$width x $height, aspect $aspect, $panes panes: the main picture is the largest',
+    '$width x $height, aspect $aspect, $pictures pictures, 3D $room: the main picture is the largest',
     (input) => {
-      const { main, panes } = layoutOf(input);
+      const { main, pictures, room } = layoutOf(input);
       const picture = fit(main.width, main.height - kHead_px, input.aspect);
-      for (const pane of panes) {
+      for (const pane of pictures)
         expect(picture.width).toBeGreaterThan(fit(pane.width, pane.height - kHead_px, input.aspect).width);
-      }
+      if (room === null) return;
+      expect(picture.width * picture.height).toBeGreaterThan(room.width * (room.height - kHead_px));
+      expect(room.width).toBeGreaterThanOrEqual(200);
+      expect(room.height).toBeGreaterThanOrEqual(160);
     },
   );
 
@@ -57,7 +63,8 @@ describe('the layout', () => {
       width: 1904,
       height: 1020,
       aspect: 4 / 3,
-      panes: 2,
+      pictures: 2,
+      room: true,
       rail: kRail,
     });
     expect(arrangement).toBe('beside');
@@ -65,7 +72,7 @@ describe('the layout', () => {
   });
 
   it('puts the strip below in a tall window', () => {
-    expect(layoutOf({ width: 800, height: 1200, aspect: 4 / 3, panes: 2, rail: kRail }).arrangement).toBe(
+    expect(layoutOf({ width: 800, height: 1200, aspect: 4 / 3, pictures: 2, room: true, rail: kRail }).arrangement).toBe(
       'below',
     );
   });

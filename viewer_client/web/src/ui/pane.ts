@@ -11,6 +11,8 @@ export interface PaneOptions {
   title: string;
   /** What a screen reader calls the picture. */
   describes: string;
+  /** What keys do in it. */
+  keys: string;
   /** Width kept free at the picture's right. */
   side_px?: number;
 }
@@ -33,7 +35,7 @@ export class Pane {
   #picture_px = 0;
 
   constructor(options: PaneOptions) {
-    const { name, title, describes, side_px = 0 } = options;
+    const { name, title, describes, keys, side_px = 0 } = options;
     this.name = name;
     this.#side_px = side_px;
     this.#title = el('h2', { class: 'pane-title', text: title });
@@ -53,7 +55,7 @@ export class Pane {
         class: 'frame',
         attributes: {
           tabindex: '0',
-          'aria-label': `${describes}. Arrow keys move the depth probe.`,
+          'aria-label': `${describes}. ${keys}`,
           role: 'group',
         },
       },
@@ -71,8 +73,9 @@ export class Pane {
     );
   }
 
-  /** Puts the pane there, its picture as large as fits. Returns the picture's height. */
-  place(rect: Rect, aspect: number): number {
+  /** Puts the pane there, its picture as large as fits, or all of it (null). Returns the picture's height. */
+  place(rect: Rect, picture_aspect: number | null): number {
+    const aspect = picture_aspect ?? rect.width / Math.max(1, rect.height - kHead_px);
     const { style } = this.root;
     style.left = `${rect.x}px`;
     style.top = `${rect.y}px`;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+import type { Scene } from '../transport/scene';
 import type { ProbeReading } from '../view/depth_probe';
 import type { Status } from '../view/messages';
+import type { RoomCounts } from '../view/room_messages';
 import { setData } from './dom';
 import type { State } from './state_sentence';
 
@@ -21,4 +23,12 @@ export function publishState(root: HTMLElement, state: State, status: Status | n
 
 export function publishReading(root: HTMLElement, reading: ProbeReading | null): void {
   setData(root, 'probe', reading === null ? '' : JSON.stringify(reading));
+}
+
+export function publishRoom(root: HTMLElement, counts: RoomCounts | null): void {
+  if (counts !== null) setData(root, 'room', JSON.stringify(counts));
+}
+
+export function publishScene(root: HTMLElement, scene: Scene | null): void {
+  setData(root, 'scene', scene === null ? '' : JSON.stringify(scene));
 }

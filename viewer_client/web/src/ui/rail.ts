@@ -1,22 +1,43 @@
 // SPDX-License-Identifier: Apache-2.0
-import type { AgentHealth } from '../transport/stats';
+import type { AgentHealth, Recording } from '../transport/stats';
 import { kPaneNames, type PaneName } from '../view/messages';
 import { el, setData, setText } from './dom';
 import type { Rect } from './layout';
-import { fixed, span } from './numbers';
+import { count, fixed, span } from './numbers';
 
-const kTitles: Readonly<Record<PaneName, string>> = { program: 'Program', depth: 'Depth', matte: 'Matte' };
+const kTitles: Readonly<Record<PaneName, string>> = {
+  program: 'Program',
+  depth: 'Depth',
+  matte: 'Matte',
+  room: '3D',
+};
 // Health comes at 1 Hz: an agent that missed three is not well.
 const kSilentAfter_s = 3;
+// Parity of the default strength mends up to about this share of datagrams.
+const kLossy = 0.02;
 
-/** The controls: which panes are shown, and how the rig's machines are. */
+/** What the way from the rig costs: empty where the server knows nothing of it. */
+function wayText({ slice_loss, repaired, lost, delay_ms }: AgentHealth): string {
+  const parts = [
+    slice_loss === null ? '' : `loss ${fixed(100 * slice_loss, 1)} %`,
+    repaired === null ? '' : `${count(repaired)} repaired`,
+    repaired === null && lost === 0 ? '' : `${count(lost)} lost`,
+    delay_ms === null ? '' : `${fixed(delay_ms, 1)} ms`,
+  ];
+  return parts.filter((part) => part !== '').join('  ');
+}
+
+/** The controls: the scene, which panes are shown, and how the rig's machines are. */
 export class Rail {
   readonly root: HTMLElement;
   readonly #toggles = new Map<PaneName, HTMLButtonElement>();
   readonly #agents = el('ul', { class: 'agents', testid: 'agents' });
   readonly #nobody = el('p', { class: 'quiet', text: 'No agent has been heard.' });
 
-  constructor(onToggle: (pane: PaneName) => void) {
+  readonly #recording = el('span', { class: 'recording', testid: 'recording' });
+
+  constructor(onToggle: (pane: PaneName) => void, scene: HTMLElement, lights: HTMLElement) {
+    this.#recording.hidden = true;
     const toggles = kPaneNames.map((pane, index) => {
       const button = el(
         'button',
@@ -34,19 +55,29 @@ export class Rail {
     });
     this.root = el(
       'aside',
-      { class: 'rail', attributes: { 'aria-label': 'Views and rig' } },
+      { class: 'rail', attributes: { 'aria-label': 'Scene, views and rig' } },
       el(
-        'section',
-        { class: 'rail-part' },
-        el('h2', { class: 'rail-title', text: 'Views' }),
-        el('div', { class: 'toggles' }, ...toggles),
-      ),
-      el(
-        'section',
-        { class: 'rail-part' },
-        el('h2', { class: 'rail-title', text: 'Rig' }),
-        this.#agents,
-        this.#nobody,
+        'div',
+        { class: 'rail-parts' },
+        scene,
+        el(
+          'div',
+          { class: 'rail-column' },
+          lights,
+          el(
+            'section',
+            { class: 'rail-part' },
+            el('h2', { class: 'rail-title', text: 'Views' }),
+            el('div', { class: 'toggles' }, ...toggles),
+          ),
+          el(
+            'section',
+            { class: 'rail-part' },
+            el('div', { class: 'rail-head' }, el('h2', { class: 'rail-title', text: 'Rig' }), this.#recording),
+            this.#agents,
+            this.#nobody,
+          ),
+        ),
       ),
     );
   }
@@ -73,6 +104,15 @@ export class Rail {
     agents.forEach((agent, index) => this.#row(index, agent));
   }
 
+  /** Null: not known, or nothing is recorded. */
+  setRecording(recording: Recording | null): void {
+    this.#recording.hidden = recording?.active !== true;
+    if (recording === null) return;
+    const dropped = recording.dropped === 0 ? '' : `, ${count(recording.dropped)} dropped`;
+    setText(this.#recording, `recording ${span(recording.seconds)}${dropped}`);
+    setData(this.#recording, 'tone', recording.dropped === 0 ? 'live' : 'warning');
+  }
+
   #row(index: number, agent: AgentHealth): void {
     let row = this.#agents.children[index] as HTMLElement | undefined;
     if (row === undefined) {
@@ -80,14 +120,26 @@ export class Rail {
         'li',
         { class: 'agent' },
         el('span', { class: 'agent-name' }),
+        el('span', { class: 'agent-record', text: 'REC' }),
         el('span', { class: 'agent-rates' }),
+        el('span', { class: 'agent-way' }),
       );
       this.#agents.append(row);
     }
-    const [name, rates] = row.children as unknown as [HTMLElement, HTMLElement];
+    const [name, record, rates, way] = row.children as unknown as [
+      HTMLElement,
+      HTMLElement,
+      HTMLElement,
+      HTMLElement,
+    ];
     const silent = agent.age_s > kSilentAfter_s;
     setData(row, 'tone', silent ? 'alarm' : 'live');
     setText(name, agent.name);
+    record.hidden = agent.recording !== true || silent;
+    const text = silent ? '' : wayText(agent);
+    setText(way, text);
+    way.hidden = text === '';
+    setData(way, 'tone', (agent.slice_loss ?? 0) > kLossy ? 'warning' : 'live');
     setText(
       rates,
       silent

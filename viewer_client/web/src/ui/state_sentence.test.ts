@@ -18,7 +18,8 @@ function stats(state: ServerState, message = ''): Stats {
     drops: new Map(),
     stages: [],
     agents: [],
-    depth_age_s: 3.4,
+    recording: null,
+  depth_age_s: 3.4,
   };
 }
 const kLive: Situation = {

@@ -41,6 +41,8 @@ function state(word: string, tone: Tone, sentence: string, advice = ''): State {
 }
 
 function ofLink({ link, was_open }: Situation): State {
+  // The form on the picture says the rest.
+  if (link.phase === 'login' || link.phase === 'wrong_token') return state('LOG IN', 'busy', '');
   if (link.attempt === 0 && !was_open) return state('CONNECTING', 'busy', 'Connecting to the server...');
   return state(
     'RECONNECTING',

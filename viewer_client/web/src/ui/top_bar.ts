@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+import type { Role } from '../transport/control_message';
 import type { Stats } from '../transport/stats';
 import type { Status } from '../view/messages';
 import { el, setData, setText } from './dom';
@@ -33,6 +34,8 @@ export class TopBar {
   readonly root: HTMLElement;
   readonly details_button: HTMLButtonElement;
   readonly help_button: HTMLButtonElement;
+  readonly logout_button: HTMLButtonElement;
+  readonly #user = el('span', { class: 'user-name', testid: 'user' });
   readonly #state = el('span', { class: 'state', testid: 'state' });
   readonly #word = el('span', { class: 'state-word', testid: 'state-word' });
   readonly #show = el('span', { class: 'show', testid: 'show-name' });
@@ -67,6 +70,14 @@ export class TopBar {
       icon('help'),
       el('span', { text: 'Keys' }),
     );
+    this.logout_button = el(
+      'button',
+      { class: 'bar-button', testid: 'logout', attributes: { type: 'button' } },
+      icon('user'),
+      this.#user,
+      el('span', { class: 'quiet', text: 'Log out' }),
+    );
+    this.logout_button.hidden = true;
     this.root = el(
       'header',
       { class: 'bar' },
@@ -76,7 +87,15 @@ export class TopBar {
       el('span', { class: 'bar-space' }),
       this.details_button,
       this.help_button,
+      this.logout_button,
     );
+  }
+
+  /** Empty without login. */
+  setUser(name: string, role: Role): void {
+    this.logout_button.hidden = name === '';
+    setText(this.#user, role === 'viewer' ? `${name} (viewer)` : name);
+    this.logout_button.setAttribute('aria-label', `Log ${name} out`);
   }
 
   setState(state: State): void {

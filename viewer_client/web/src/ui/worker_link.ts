@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-import type { FromWorker, PaneName, Shown, ToWorker } from '../view/messages';
+import type { FromWorker, PictureName, Shown, ToWorker } from '../view/messages';
 
 export interface WorkerHandlers {
   onMessage(message: FromWorker): void;
@@ -12,9 +12,9 @@ export class WorkerLink {
   readonly #worker: Worker;
 
   constructor(
-    url: string,
-    canvases: Record<PaneName, HTMLCanvasElement>,
-    shown: Shown,
+    { url, token, shown }: { url: string; token: string | null; shown: Shown },
+    canvases: Record<PictureName, HTMLCanvasElement>,
+    meshes: MessagePort,
     handlers: WorkerHandlers,
   ) {
     this.#worker = new Worker(new URL('../view/worker.ts', import.meta.url), {
@@ -28,11 +28,13 @@ export class WorkerLink {
       depth: canvases.depth.transferControlToOffscreen(),
       matte: canvases.matte.transferControlToOffscreen(),
     };
-    const start: ToWorker = { type: 'start', url, canvases: handed, shown };
+    const start: ToWorker = { type: 'start', url, token, canvases: handed, shown };
     this.#worker.postMessage(start, [handed.program, handed.depth, handed.matte]);
+    const port: ToWorker = { type: 'meshes', port: meshes };
+    this.#worker.postMessage(port, [meshes]);
   }
 
-  send(message: Exclude<ToWorker, { type: 'start' }>): void {
+  send(message: Exclude<ToWorker, { type: 'start' | 'meshes' }>): void {
     this.#worker.postMessage(message);
   }
 }

@@ -1,14 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 import type { DepthRange } from '../decode/depth_code';
-import type { Hello } from '../transport/control_message';
+import type { Hello, Refused, Subscription } from '../transport/control_message';
+import type { Edit } from '../transport/edit';
 import type { StreamName } from '../transport/picture_message';
+import type { Scene } from '../transport/scene';
 import type { Stats } from '../transport/stats';
 import type { Link } from '../transport/watch_socket';
 import type { ProbePoint, ProbeReading } from './depth_probe';
 
-// What the page and its worker say to each other. The worker owns the connection, decoders and canvases.
+// What the page and its worker say to each other. The worker owns the connection, the decoders and the canvases of
+// pictures; the 3D pane has a worker of its own (room_messages.ts).
 
-export const kPaneNames = ['program', 'depth', 'matte'] as const;
+export const kPictureNames = ['program', 'depth', 'matte'] as const;
+export type PictureName = (typeof kPictureNames)[number];
+export const kPaneNames = [...kPictureNames, 'room'] as const;
 export type PaneName = (typeof kPaneNames)[number];
 export type MatteMode = 'matte' | 'label';
 
@@ -19,7 +24,19 @@ export interface Shown {
 }
 
 export type ToWorker =
-  | { type: 'start'; url: string; canvases: Record<PaneName, OffscreenCanvas>; shown: Shown }
+  | {
+      type: 'start';
+      url: string;
+      /** Of the last login in this tab; null: none. */
+      token: string | null;
+      canvases: Record<PictureName, OffscreenCanvas>;
+      shown: Shown;
+    }
+  /** Where meshes go to: the 3D pane's worker. */
+  | { type: 'meshes'; port: MessagePort }
+  /** Null: log out. */
+  | { type: 'login'; token: string | null }
+  | { type: 'edit'; edit: Edit }
   | { type: 'show'; shown: Shown }
   | { type: 'freeze'; frozen: boolean }
   /** Null when no pointer stands on a picture. */
@@ -32,6 +49,8 @@ export interface PictureSize {
 
 export interface Status {
   link: Link;
+  /** Who logged in; empty without login. */
+  user: string;
   /** Colour pictures drawn since the page was opened. */
   color_frames: number;
   depth_frames: number;
@@ -51,7 +70,7 @@ export interface Status {
   range: DepthRange | null;
   /** Number of the frozen depth picture. */
   frozen_frame: string | null;
-  wanted: StreamName[];
+  wanted: Subscription[];
   /** Streams that this browser cannot decode, with their codec string. */
   undecodable: Partial<Record<StreamName, string>>;
   /** How often a decoder was started again, and messages were not believed, with the last reason. */
@@ -64,4 +83,6 @@ export type FromWorker =
   | { type: 'status'; status: Status }
   | { type: 'hello'; hello: Hello }
   | { type: 'stats'; stats: Stats }
+  | { type: 'scene'; scene: Scene }
+  | { type: 'refused'; refused: Refused }
   | { type: 'probe'; reading: ProbeReading | null };

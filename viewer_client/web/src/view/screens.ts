@@ -5,7 +5,7 @@ import { readDepth, type ProbePoint, type ProbeReading } from './depth_probe';
 import { DepthView } from './depth_view';
 import { LabelView } from './label_view';
 import { MatteView } from './matte_view';
-import type { PaneName, Shown } from './messages';
+import type { PictureName, Shown } from './messages';
 import { ProgramView } from './program_view';
 import { Surface } from './surface';
 
@@ -22,7 +22,7 @@ export class Screens {
   #probe: ProbePoint | null = null;
   #matte_pictures = 0;
 
-  constructor(canvases: Record<PaneName, OffscreenCanvas>, shown: Shown) {
+  constructor(canvases: Record<PictureName, OffscreenCanvas>, shown: Shown) {
     this.#program = new ProgramView(canvases.program);
     this.#depth = new DepthView(canvases.depth);
     this.#matte_surface = new Surface(canvases.matte, { alpha: false });

@@ -2,11 +2,19 @@
 import { DepthReader } from '../decode/depth_reader';
 import { StreamDecoder, type PictureInfo } from '../decode/stream_decoder';
 import { ClockOffset } from '../transport/clock_offset';
-import { kProtocol, type ControlMessage, type Hello, type StreamOffer } from '../transport/control_message';
+import {
+  kProtocol,
+  type ControlMessage,
+  type Hello,
+  type StreamOffer,
+  type Subscription,
+} from '../transport/control_message';
+import type { MeshMessage } from '../transport/mesh_message';
 import { kStreamNames, type PictureMessage, type StreamName } from '../transport/picture_message';
 import { WatchSocket, type Link } from '../transport/watch_socket';
 import type { DepthPicture } from '../decode/depth_picture';
 import type { FromWorker, PictureSize, Shown, Status, ToWorker } from './messages';
+import type { ToRoomFromSession } from './room_messages';
 import { MedianMeter, RateMeter } from './meters';
 import { Screens } from './screens';
 import { wantedStreams } from './wanted_streams';
@@ -36,7 +44,10 @@ export class Session {
   readonly #byte_rate = new RateMeter();
   readonly #latency = new MedianMeter();
   #link: Link = { phase: 'connecting', attempt: 0 };
-  #wanted: StreamName[];
+  #wanted: Subscription[];
+  #meshes: MessagePort | null = null;
+  /** The 3D pane still shows what an earlier connection sent. */
+  #meshes_are_old = false;
   #size: PictureSize | null = null;
   #next_color: { frame: VideoFrame; info: PictureInfo } | null = null;
   #color_frames = 0;
@@ -61,9 +72,10 @@ export class Session {
       (picture) => this.#showDepth(picture),
       (reason) => this.#trouble(reason),
     );
-    this.#socket = new WatchSocket(start.url, {
+    this.#socket = new WatchSocket(start.url, start.token, {
       onLink: (link) => this.#linkChanged(link),
       onPicture: (picture, bytes) => this.#picture(picture, bytes),
+      onMesh: (mesh, bytes) => this.#mesh(mesh, bytes),
       onControl: (message) => this.#control(message),
       onRefused: (reason) => {
         this.#refused += 1;
@@ -76,7 +88,10 @@ export class Session {
     if (message.type === 'show') this.#show(message.shown);
     if (message.type === 'freeze') this.#screens.freeze(message.frozen);
     if (message.type === 'probe') this.#screens.probe(message.point);
-    this.#postReading();
+    if (message.type === 'meshes') this.#meshes = message.port;
+    if (message.type === 'login') this.#socket.logIn(message.token);
+    if (message.type === 'edit') this.#socket.send(message.edit);
+    else this.#postReading();
   }
 
   close(): void {
@@ -92,6 +107,7 @@ export class Session {
     const round_trip_us = this.#clock.round_trip_us;
     return {
       link: this.#link,
+      user: this.#socket.name,
       color_frames: this.#color_frames,
       depth_frames: this.#depth_frames,
       last_frame: this.#last_frame?.toString() ?? null,
@@ -116,6 +132,7 @@ export class Session {
   #linkChanged(link: Link): void {
     this.#link = link;
     if (link.phase === 'open') return;
+    this.#meshes_are_old = true;
     clearTimeout(this.#ping_timer);
     this.#closeDecoders();
     this.#clock.reset();
@@ -124,7 +141,8 @@ export class Session {
 
   #control(message: ControlMessage): void {
     if (message.type === 'hello') this.#hello(message.hello);
-    if (message.type === 'stats') this.#post({ type: 'stats', stats: message.stats });
+    if (message.type === 'stats' || message.type === 'scene' || message.type === 'refused')
+      this.#post(message);
     if (message.type === 'pong') {
       this.#clock.addExchange(message.pong.viewer_us, message.pong.server_us, 1000 * clockNow_ms());
     }
@@ -134,7 +152,8 @@ export class Session {
     this.#post({ type: 'hello', hello });
     if (hello.protocol !== kProtocol) return;
     for (const offer of hello.streams) this.#offer(offer);
-    if (this.#wanted.length < kStreamNames.length) this.#subscribe();
+    // A new viewer gets both pictures unasked, and keeps what it has asked for.
+    if (this.#wanted.join() !== kStreamNames.join()) this.#subscribe();
     this.#pings = 0;
     clearTimeout(this.#ping_timer);
     this.#ping();
@@ -182,6 +201,21 @@ export class Session {
   #picture(picture: PictureMessage, message_bytes: number): void {
     this.#byte_rate.add(clockNow_ms(), message_bytes);
     if (this.#wanted.includes(picture.stream)) this.#decoders.get(picture.stream)?.push(picture);
+  }
+
+  /** Hands the message's memory on: the payload is a view into it. */
+  #mesh(message: MeshMessage, message_bytes: number): void {
+    this.#byte_rate.add(clockNow_ms(), message_bytes);
+    if (this.#meshes === null || !this.#wanted.includes('mesh')) return;
+    if (this.#meshes_are_old) this.#toRoom({ type: 'forget' });
+    this.#meshes_are_old = false;
+    const { stream, id, T_scene_color, mesh, texture } = message;
+    const parcel = { stream, id, T_scene_color, mesh, texture };
+    this.#toRoom({ type: 'mesh', parcel }, [mesh.buffer as ArrayBuffer]);
+  }
+
+  #toRoom(message: ToRoomFromSession, transfer: Transferable[] = []): void {
+    this.#meshes?.postMessage(message, transfer);
   }
 
   #decoded(stream: StreamName, frame: VideoFrame, info: PictureInfo): void {
@@ -235,20 +269,22 @@ export class Session {
     this.#screens.show(shown);
     if (wanted.join() === this.#wanted.join()) return;
     for (const stream of kStreamNames) {
-      if (wanted.includes(stream) && this.#wanted.includes(stream)) continue;
+      if (wanted.includes(stream) === this.#wanted.includes(stream)) continue;
       // What was left out between then and now cannot be caught up: a new start at a key frame.
       this.#decoders.get(stream)?.restart();
       if (stream === 'color') this.#color_at_ms = null;
       else this.#depth_at_ms = null;
     }
-    this.#matte_at_ms = null;
-    const added = wanted.some((stream) => !this.#wanted.includes(stream));
+    const pictures = (of: readonly Subscription[]): StreamName[] => kStreamNames.filter((name) => of.includes(name));
+    const [before, after] = [pictures(this.#wanted), pictures(wanted)];
     this.#wanted = wanted;
+    this.#subscribe();
+    if (before.join() === after.join()) return;
+    this.#matte_at_ms = null;
     if (!wanted.includes('depth')) this.#screens.forgetDepth();
     this.#color_rate.reset();
     this.#latency.reset();
-    this.#subscribe();
-    if (added) this.#askKey();
+    if (after.some((stream) => !before.includes(stream))) this.#askKey();
   }
 
   #subscribe(): void {

@@ -4,13 +4,15 @@ import { wantedStreams } from './wanted_streams';
 
 describe('the streams asked for', () => {
   it.each([
-    [1, 1, 1, 'matte', ['color', 'depth']],
-    [1, 0, 0, 'matte', ['color']],
-    [0, 1, 0, 'matte', ['depth']],
-    [0, 0, 1, 'matte', ['color', 'depth']],
-    [0, 0, 1, 'label', ['depth']],
-    [0, 0, 0, 'matte', []],
-  ] as const)('program %i, depth %i, matte %i in mode %s', (program, depth, matte, mode, wanted) => {
-    expect(wantedStreams({ pane_px: { program, depth, matte }, mode })).toEqual(wanted);
+    [1, 1, 1, 0, 'matte', ['color', 'depth']],
+    [1, 0, 0, 0, 'matte', ['color']],
+    [0, 1, 0, 0, 'matte', ['depth']],
+    [0, 0, 1, 0, 'matte', ['color', 'depth']],
+    [0, 0, 1, 0, 'label', ['depth']],
+    [0, 0, 0, 0, 'matte', []],
+    [0, 0, 0, 1, 'matte', ['mesh']],
+    [1, 1, 1, 1, 'label', ['color', 'depth', 'mesh']],
+  ] as const)('program %i, depth %i, matte %i, 3D %i in mode %s', (program, depth, matte, room, mode, wanted) => {
+    expect(wantedStreams({ pane_px: { program, depth, matte, room }, mode })).toEqual(wanted);
   });
 });

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+import type { Vector3 } from './scene';
+
+/** SPEC 4.5: what a director may do to the scene. `u`, `v` are pixels of the colour picture. */
+export type EditOp =
+  | { op: 'add'; file: string; u: number; v: number }
+  /** To the room's surface under a pixel. */
+  | { op: 'move'; object: number; u: number; v: number }
+  /** Along the horizontal plane through the object's base. */
+  | { op: 'move'; object: number; u: number; v: number; on: 'floor' }
+  /** Where its base goes. */
+  | { op: 'move'; object: number; position: Vector3 }
+  | { op: 'turn'; object: number; angle_deg: number }
+  | { op: 'drop'; object: number }
+  | { op: 'delete'; object: number }
+  | { op: 'hide'; object: number; hidden: boolean }
+  | { op: 'light'; light: number; position?: Vector3; color?: Vector3; intensity?: number }
+  | { op: 'undo' }
+  | { op: 'redo' }
+  | { op: 'save' };
+
+/** `live`: the middle of a drag, no step of undo; its last edit has `live` false. */
+export type Edit = EditOp & { type: 'edit'; id: number; live?: boolean };
