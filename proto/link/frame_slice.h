@@ -37,6 +37,11 @@ struct EncodedFrame {
 void CutIntoSlices(const EncodedFrame& frame,
                    const std::function<void(const mixstage_lcm::frame_slice_t&)>& send);
 
+// Within +-2^53: of such times and numbers sums and differences cannot overflow.
+[[nodiscard]] constexpr bool IsCountable(std::int64_t number) {
+  return number >= -(std::int64_t{1} << 53) && number <= std::int64_t{1} << 53;
+}
+
 // What a slice from the network must satisfy before any field is used; names the first field that does not.
 Status ValidateSlice(const mixstage_lcm::frame_slice_t& slice);
 
