@@ -85,7 +85,7 @@ Status JpegDecoder::Decode(std::span<const std::uint8_t> jpeg, YuvImage& image) 
     strides[i] = static_cast<int>(plane.step);
   }
   if (tjDecompressToYUVPlanes(state_->handle, jpeg.data(), static_cast<unsigned long>(jpeg.size()), data, w,
-                              strides, h, TJFLAG_ACCURATEDCT) != 0) {
+                              strides, h, TJFLAG_ACCURATEDCT | TJFLAG_LIMITSCANS) != 0) {
     return Fail(ErrorCode::kBadInput, std::string("damaged JPEG: ") + tjGetErrorStr2(state_->handle));
   }
   if (count == 1) {

@@ -37,7 +37,8 @@ class JpegDecoder {
 
   // Planes of the picture. 4:4:4, 4:2:2 and 4:2:0 stay as they are; grey, 4:4:0 and 4:1:1 become 4:4:4 or
   // 4:2:0. `image` is (re)allocated as needed. Fails on any damage that libjpeg-turbo notices, also what it
-  // could repair: a picture that is half old is a silent wrong answer to the key.
+  // could repair: a picture that is half old is a silent wrong answer to the key. Also fails on more than 500
+  // progressive scans, which cost seconds and show nothing.
   Status Decode(std::span<const std::uint8_t> jpeg, YuvImage& image);
 
  private:

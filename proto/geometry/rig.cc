@@ -4,15 +4,17 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <numbers>
-#include <sstream>
+
+#include "proto/base/file_bytes.h"
 
 namespace mixstage {
 namespace {
 
 using Json = nlohmann::json;
+
+constexpr std::uintmax_t kMaxRigBytes = 16 << 20;  // two curves of 100,000 numbers each, written out
 
 // One JSON object being read: every key asked for is noted, so that what is left over can be warned about.
 class Fields {
@@ -317,11 +319,9 @@ Result<LoadedRig> ParseRig(const std::string& text) {
 }
 
 Result<LoadedRig> LoadRig(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  if (!in) return Fail(ErrorCode::kBadInput, file.string() + ": cannot be read");
-  std::ostringstream text;
-  text << in.rdbuf();
-  auto rig = ParseRig(text.str());
+  auto bytes = ReadFileBytes(file, kMaxRigBytes);
+  if (!bytes) return Within(file.string(), bytes.error());
+  auto rig = ParseRig(std::string(bytes->begin(), bytes->end()));
   if (!rig) return Within(file.string(), rig.error());
   return rig;
 }

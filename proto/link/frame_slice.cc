@@ -72,7 +72,8 @@ Status ValidateSlice(const mixstage_lcm::frame_slice_t& s) {
     return Fail(ErrorCode::kBadInput, std::string("slice field ") + field);
   };
   if (s.epoch == 0) return bad("epoch");
-  if (s.sequence < 0) return bad("sequence");
+  if (!IsCountable(s.t_us)) return bad("t_us");
+  if (s.sequence < 0 || !IsCountable(s.sequence)) return bad("sequence");
   if (s.frame_bytes < 1 || s.frame_bytes > kMaxFrameBytes) return bad("frame_bytes");
   if (s.width < 1 || s.width > kMaxPictureSide) return bad("width");
   if (s.height < 1 || s.height > kMaxPictureSide) return bad("height");

@@ -43,6 +43,11 @@ void CutIntoSlices(const EncodedFrame& frame,
 // CRC-32C over every field of a slice but slice_crc32c, as they lie on the wire.
 [[nodiscard]] std::uint32_t SliceCrc32c(const mixstage_lcm::frame_slice_t& slice);
 
+// Within +-2^53: of such times and numbers sums and differences cannot overflow.
+[[nodiscard]] constexpr bool IsCountable(std::int64_t number) {
+  return number >= -(std::int64_t{1} << 53) && number <= std::int64_t{1} << 53;
+}
+
 // What a slice from the network must satisfy before any field is used; names the first field that does not.
 // Of a damaged slice that is slice_crc32c, unless a field went out of its range.
 Status ValidateSlice(const mixstage_lcm::frame_slice_t& slice);

@@ -15,9 +15,11 @@ namespace fs = std::filesystem;
 constexpr int kMaxSide = 8192;
 constexpr std::int64_t kMaxPixels = 34'000'000;
 
-// Width and height of a PNG's IHDR, which is always its first chunk.
+// Width and height of a PNG's IHDR, which has to be its first chunk: a decoder that skips another one in
+// front of it would make a picture of another size.
 std::optional<PictureSize> PngSize(std::span<const std::uint8_t> bytes) {
-  constexpr std::array<std::uint8_t, 8> kSignature = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n'};
+  constexpr std::array<std::uint8_t, 16> kSignature = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n',
+                                                       0,    0,   0,   13,  'I',  'H',  'D',  'R'};
   if (bytes.size() < 33 || !std::equal(kSignature.begin(), kSignature.end(), bytes.begin()))
     return std::nullopt;
   auto big_endian = [&](std::size_t at) {

@@ -15,7 +15,25 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kMaxLines = 10'000'000;
+constexpr std::size_t kMaxLineBytes = 8192;
 constexpr double kTumBenchmarkUnitM = 0.0002;
+
+// std::getline that does not take a whole disk for one line: of a longer line kMaxLineBytes + 1 bytes come.
+bool GetLine(std::istream& in, std::string& line) {
+  line.clear();
+  char c = 0;
+  while (line.size() <= kMaxLineBytes && in.get(c)) {
+    if (c == '\n') return true;
+    line += c;
+  }
+  return !line.empty();
+}
+
+// fs::exists that throws for nobody (a link to itself, a folder that may not be entered).
+bool Exists(const fs::path& file) {
+  std::error_code ignored;
+  return fs::exists(file, ignored);
+}
 
 enum class LineEnd {
   kNewline = 1,
@@ -28,8 +46,12 @@ Status ForEachLine(const fs::path& file, Read read) {
   std::ifstream in(file);
   if (!in) return Fail(ErrorCode::kBadInput, file.string() + ": cannot be read");
   std::string line;
-  for (std::size_t number = 1; std::getline(in, line); ++number) {
+  for (std::size_t number = 1; GetLine(in, line); ++number) {
     if (number > kMaxLines) return Fail(ErrorCode::kBadInput, file.string() + ": has too many lines");
+    if (line.size() > kMaxLineBytes) {
+      return Fail(ErrorCode::kBadInput,
+                  file.string() + ":" + std::to_string(number) + ": is a line of more than 8192 bytes");
+    }
     const std::size_t start = line.find_first_not_of(" \t\r");
     if (start == std::string::npos || line[start] == '#') continue;
     std::istringstream fields(line);
@@ -52,7 +74,9 @@ Status AppendRising(std::vector<Entry>& entries, Entry entry) {
 
 // The pictures of a take lie inside its folder; those of its clean plate may also be the take's own.
 bool LeavesTheTake(const fs::path& folder, const fs::path& relative) {
-  const bool plate = folder.filename() == "clean_plate" && fs::exists(folder.parent_path() / "rgb.txt");
+  // The system would open what stands before a zero byte.
+  if (relative.native().find('\0') != std::string::npos) return true;
+  const bool plate = folder.filename() == "clean_plate" && Exists(folder.parent_path() / "rgb.txt");
   const fs::path root = plate ? folder.parent_path() : folder;
   const fs::path inside = (folder / relative).lexically_normal().lexically_relative(root.lexically_normal());
   return relative.is_absolute() || inside.empty() || *inside.begin() == "..";
@@ -65,7 +89,7 @@ Status LeaveTornTailOut(Take& take, const fs::path& list) {
 
 Status ReadPictureList(Take& take, const char* name, std::vector<TakeEntry>& entries) {
   const fs::path list = take.folder / name;
-  if (!fs::exists(list)) return {};
+  if (!Exists(list)) return {};
   int missing = 0;
   std::string first_missing;
   auto read = [&](std::istringstream& fields, LineEnd end) -> Status {
@@ -96,7 +120,7 @@ Status ReadPictureList(Take& take, const char* name, std::vector<TakeEntry>& ent
 
 Status ReadHead(Take& take) {
   const fs::path file = take.folder / "ptu.txt";
-  if (!fs::exists(file)) return {};
+  if (!Exists(file)) return {};
   return ForEachLine(file, [&](std::istringstream& fields, LineEnd end) -> Status {
     // Half an angle is a number, too.
     if (end == LineEnd::kTorn) return LeaveTornTailOut(take, file);
@@ -112,7 +136,7 @@ Status ReadHead(Take& take) {
 // A folder straight from the TUM RGB-D benchmark: its lists name the .bag they come from, or the
 // accelerometer's record lies beside them.
 bool IsTumBenchmarkFolder(const fs::path& folder) {
-  if (fs::exists(folder / "accelerometer.txt")) return true;
+  if (Exists(folder / "accelerometer.txt")) return true;
   for (const char* name : {"rgb.txt", "depth.txt"}) {
     std::ifstream in(folder / name);
     std::string line;
@@ -132,7 +156,7 @@ Result<Take> OpenTake(const fs::path& folder) {
   std::error_code ignored;
   if (!fs::is_directory(folder, ignored))
     return Fail(ErrorCode::kBadInput, folder.string() + ": is not a folder");
-  if (!fs::exists(folder / "rgb.txt")) {
+  if (!Exists(folder / "rgb.txt")) {
     return Fail(ErrorCode::kBadInput,
                 (folder / "rgb.txt").string() + ": is missing (a take lists its colour pictures there)");
   }
@@ -146,7 +170,7 @@ Result<Take> OpenTake(const fs::path& folder) {
     return Fail(ErrorCode::kBadInput,
                 (folder / "rgb.txt").string() + ": lists no colour picture that exists");
   }
-  if (fs::exists(folder / "clean_plate" / "rgb.txt")) take.clean_plate = folder / "clean_plate";
+  if (Exists(folder / "clean_plate" / "rgb.txt")) take.clean_plate = folder / "clean_plate";
   if (IsTumBenchmarkFolder(folder)) take.assumed_depth_unit_m = kTumBenchmarkUnitM;
   return take;
 }
@@ -171,9 +195,9 @@ Result<std::vector<PoseSample>> ReadPoses(const fs::path& file) {
 
 std::optional<fs::path> RigFileOf(const fs::path& folder) {
   const fs::path beside = folder / "rig.json";
-  if (fs::exists(beside)) return beside;
+  if (Exists(beside)) return beside;
   const fs::path up = (fs::absolute(folder).lexically_normal() / ".." / "rig.json").lexically_normal();
-  if (fs::exists(up)) return up;
+  if (Exists(up)) return up;
   return std::nullopt;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/app/config.h"
 
+#include <cstdio>
 #include <sstream>
 
 #include "proto/base/file_bytes.h"
@@ -101,6 +102,12 @@ std::string ToYaml(const StudioConfig& c) {
   auto quoted = [](const std::string& text) {
     std::string safe;
     for (const char ch : text) {
+      if (static_cast<unsigned char>(ch) < ' ' || ch == '\x7F') {  // a line's end would become a space
+        char escape[8];
+        std::snprintf(escape, sizeof escape, "\\x%02X", static_cast<unsigned>(ch));
+        safe += escape;
+        continue;
+      }
       if (ch == '"' || ch == '\\') safe += '\\';
       safe += ch;
     }

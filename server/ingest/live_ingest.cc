@@ -106,12 +106,13 @@ void LiveIngest::OnColor(const EncodedFrame& encoded, std::int64_t now_us) {
   frame->capture_us = clock_.ToServer(encoded.t_us);
   const std::int64_t wall_us = MonotonicMicros();
   const std::int64_t cpu_us = ThreadCpuMicros();
+  const auto header = jpeg_.ReadHeader(encoded.bytes);
+  if (header && (header->width != rig_.color.width || header->height != rig_.color.height)) {
+    return Drop("color_size_not_rig");  // before a picture of another size costs memory and time
+  }
   if (auto ok = jpeg_.Decode(encoded.bytes, frame->color); !ok) {
     spdlog::debug("ingest reason=\"{}\"", ok.error().message);
     return Drop("bad_jpeg");
-  }
-  if (frame->color.width() != rig_.color.width || frame->color.height() != rig_.color.height) {
-    return Drop("color_size_not_rig");
   }
   if (recorder_ != nullptr) recorder_->Picture(TakeList::kColor, frame->capture_us, encoded.bytes);
   frame->depth = NewestDepthBefore(frame->capture_us);
@@ -170,8 +171,10 @@ std::shared_ptr<const DepthPicture> LiveIngest::NewestDepthBefore(std::int64_t c
 }
 
 void LiveIngest::OnHead(const mixstage_lcm::head_angles_t& angles, std::int64_t now_us) {
-  if (angles.epoch == 0 || !std::isfinite(angles.pan_deg) || !std::isfinite(angles.tilt_deg))
+  if (angles.epoch == 0 || !IsCountable(angles.t_us) || !std::isfinite(angles.pan_deg) ||
+      !std::isfinite(angles.tilt_deg)) {
     return Drop("bad_head");
+  }
   if (angles.epoch != followed_epoch_) return;
   clock_.Observe(angles.t_us, now_us);
   head_ = HeadAngles{angles.pan_deg, angles.tilt_deg};

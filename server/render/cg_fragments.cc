@@ -44,10 +44,10 @@ bool AreOneSurface(ObjectFinder& finder, const std::int32_t (&ids)[4]) {
   if ((ids[0] | ids[1] | ids[2] | ids[3]) < 0) return false;  // one is -1: nothing
   const CameraObject& object = finder.Find(ids[0]);
   const std::size_t triangles = object.mesh->triangles.size();
-  auto of_object = [&](std::int32_t id) {
-    return static_cast<std::size_t>(id) - object.first_triangle < triangles;
+  auto of_object = [&](std::int32_t id) -> unsigned {
+    return static_cast<std::size_t>(id) - object.first_triangle < triangles ? 1 : 0;
   };
-  if (!(of_object(ids[1]) & of_object(ids[2]) & of_object(ids[3]))) return false;
+  if ((of_object(ids[1]) & of_object(ids[2]) & of_object(ids[3])) == 0) return false;
   return SurfaceKey::AreOne(KeyOf(object, ids[0]), KeyOf(object, ids[1]), KeyOf(object, ids[2]),
                             KeyOf(object, ids[3]));
 }

@@ -16,6 +16,10 @@ namespace {
 
 auto Bad(const std::string& what) { return Fail(ErrorCode::kBadInput, what); }
 
+// Nodes may draw a mesh many times, and primitives share vertices: bounds the time that takes, not the
+// memory.
+constexpr std::size_t kReadVertices = 20 * ModelLimits::kVertices;
+
 // What tinygltf asks of the world while it parses: files of the model's folder within a budget, and pictures,
 // which are only kept (decoding waits until a material uses one).
 struct Source {
@@ -190,6 +194,7 @@ class Importer {
   }
 
   Status AddPrimitive(const tinygltf::Primitive& primitive, const Eigen::Affine3d& T_model_mesh) {
+    if (++primitives_ > ModelLimits::kParts) return Bad("takes the model over the limit of parts");
     morphed_ |= !primitive.targets.empty();
     const auto position = primitive.attributes.find("POSITION");
     const bool triangles = primitive.mode < 0 || (primitive.mode >= TINYGLTF_MODE_TRIANGLES &&
@@ -200,6 +205,9 @@ class Importer {
     }
     Mesh piece;
     if (auto ok = ReadAttributes(primitive, position->second, piece); !ok) return ok;
+    read_vertices_ += piece.positions.size();
+    if (read_vertices_ > kReadVertices)
+      return Bad("reads over 100 million vertices, the same again and again");
     std::vector<std::uint32_t> indices(piece.positions.size());
     std::iota(indices.begin(), indices.end(), 0u);
     if (primitive.indices >= 0) {
@@ -214,7 +222,6 @@ class Importer {
     if (piece.normals.empty()) FlatNormals(piece);
     if (piece.positions.size() + out_.mesh.positions.size() > ModelLimits::kVertices)
       return Bad("takes the model over the limit of vertices");
-    if (out_.mesh.parts.size() >= ModelLimits::kParts) return Bad("takes the model over the limit of parts");
     piece.parts.push_back({0, static_cast<std::uint32_t>(piece.indices.size()), MaterialOf(primitive)});
     Place(piece, T_model_mesh);
     AppendTriangles(out_.mesh, std::move(piece));
@@ -280,6 +287,8 @@ class Importer {
   const tinygltf::Model& model_;
   const std::vector<TextureTransform> transforms_;
   LoadedModel& out_;
+  std::size_t primitives_ = 0,
+              read_vertices_ = 0;  // every time a node draws them, also what leaves no triangle
   bool skinned_ = false, morphed_ = false, other_modes_ = false;
 };
 

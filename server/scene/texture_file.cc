@@ -21,8 +21,9 @@ std::int64_t BigEndian32(std::span<const std::uint8_t> b, std::size_t at) {
 cv::Size JpegSize(std::span<const std::uint8_t> b) {
   std::size_t at = 2;
   while (at + 9 < b.size()) {
-    if (b[at] != 0xFF) return {};
     const int marker = b[at + 1];
+    // Behind anything but a marker the decoder would search on by itself, and find another frame than we do.
+    if (b[at] != 0xFF || marker == 0) return {};
     if (marker == 0xFF) {  // fill byte
       ++at;
       continue;
@@ -41,7 +42,9 @@ cv::Size JpegSize(std::span<const std::uint8_t> b) {
 }  // namespace
 
 Result<cv::Size> PictureSize(std::span<const std::uint8_t> b) {
-  constexpr std::array<std::uint8_t, 8> kPng = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n'};
+  // The signature and the head of the first chunk, which has to be IHDR.
+  constexpr std::array<std::uint8_t, 16> kPng = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n',
+                                                 0,    0,   0,   13,  'I',  'H',  'D',  'R'};
   std::int64_t width = 0;
   std::int64_t height = 0;
   if (b.size() >= 24 && std::equal(kPng.begin(), kPng.end(), b.begin())) {
