@@ -123,13 +123,6 @@ void JsonReader::Object(const std::string& name, const nlohmann::json** out) {
   *out = value;
 }
 
-void JsonReader::Bool(const std::string& name, bool* out) {
-  const nlohmann::json* value = Find(name);
-  if (value == nullptr) return;
-  if (!value->is_boolean()) return Refuse(name, "is neither true nor false");
-  *out = value->get<bool>();
-}
-
 void JsonReader::Numbers(const std::string& name, std::span<double> out) {
   const nlohmann::json* value = Find(name);
   if (value == nullptr) return;

@@ -34,7 +34,6 @@ class JsonReader {
   void Text(const std::string& name, std::string* out);  // at most 1,024 bytes
   void List(const std::string& name, std::size_t max_items, const nlohmann::json** out);
   void Object(const std::string& name, const nlohmann::json** out);
-  void Bool(const std::string& name, bool* out);
   void Numbers(const std::string& name, std::span<double> out);  // as many as out has, each finite
   // One of the names: its place among them (0 after a failure).
   std::size_t Choice(const std::string& name, std::span<const char* const> choices);
