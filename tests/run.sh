@@ -3,15 +3,15 @@
 # Installs, builds and runs every test. The last line is "N passed, M failed, K skipped".
 #
 #   tests/run.sh             all
-#   tests/run.sh FILTER      parts whose name contains FILTER (repo, unit, page, e2e, data, browser); anything else is a
-#                            gtest filter: tests/run.sh 'DepthCodec*'
+#   tests/run.sh FILTER      parts whose name contains FILTER (repo, unit, page, e2e, loss, data, browser); anything else
+#                            is a gtest filter: tests/run.sh 'DepthCodec*'
 set -uo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$root"
 filter=${1:-}
 case $filter in -h | --help) sed -n '3,8s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; exit 0 ;; esac
 
-parts=(repo unit page e2e data browser)
+parts=(repo unit page e2e loss data browser)
 chosen=() gtest_filter='*'
 for part in "${parts[@]}"; do [[ $part == *"$filter"* ]] && chosen+=("$part"); done
 if [ ${#chosen[@]} = 0 ]; then chosen=(unit) gtest_filter=$filter; fi
@@ -50,6 +50,7 @@ for part in "${chosen[@]}"; do
     unit) tally unit tests/support/run_gtest.py build/tests/mixstage_tests "$gtest_filter" ;;
     page) tally page tests/support/run_page_tests.sh ;;
     e2e) tally e2e python3 tests/e2e/run.py build ;;
+    loss) tally loss python3 tests/e2e/loss.py build ;;
     data) tally data python3 tests/e2e/recordings.py build ;;
     browser) tally browser tests/browser/run.sh build ;;
   esac

@@ -107,6 +107,10 @@ def resident_mb(process):
     return 0
 
 
+class Skip(Exception):
+    """What a test needs is not here; says what."""
+
+
 def run_all(tests):
     """Prints ok, FAIL or SKIP for each test function; the number that failed."""
     failed = 0
@@ -114,6 +118,8 @@ def run_all(tests):
         try:
             note = test()
             print(f"ok {test.__name__}" + (f" ({note})" if note else ""), flush=True)
+        except Skip as reason:
+            print(f"SKIP {test.__name__}: {reason}", flush=True)
         except Exception as error:  # a test's own failure, whatever it is, is one line
             failed += 1
             print(f"FAIL {test.__name__}: {type(error).__name__} {error}", flush=True)

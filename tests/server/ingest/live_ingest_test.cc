@@ -46,6 +46,12 @@ class LiveIngestTest : public testing::Test {
   }
   void Send(const EncodedFrame& frame, std::int64_t now_us) {
     CutIntoSlices(frame, [&](const mixstage_lcm::frame_slice_t& s) { ingest_.OnSlice(s, now_us); });
+    ingest_.Poll(now_us);
+  }
+  // What waited for an older picture waits no longer, and the counters are up to date.
+  IngestStatus StatusAt(std::int64_t now_us) {
+    ingest_.Poll(now_us);
+    return ingest_.Status();
   }
   std::shared_ptr<const CapturedFrame> Newest() { return *out_.Pop(); }
 
@@ -77,8 +83,10 @@ TEST_F(LiveIngestTest, StaleDepthIsNoDepth) {
 
 TEST_F(LiveIngestTest, GapsInTheSequenceAreLostPicturesAndKeepTheirNumber) {
   SendColor(10, 0);
+  StatusAt(70'000);
   EXPECT_EQ(Newest()->frame, 0);
   SendColor(13, 100'000);
+  StatusAt(170'000);
   EXPECT_EQ(Newest()->frame, 3);
   EXPECT_EQ(ingest_.Status().drops.at("lost"), 2);
 }
@@ -97,6 +105,27 @@ TEST_F(LiveIngestTest, ASecondAgentIsIgnoredUntilTheFirstFallsSilent) {
   EXPECT_EQ(ingest_.Status().drops.at("other_agent"), 1);
   SendColor(1, 2'000'000, 8);
   EXPECT_EQ(Newest()->epoch, 8);
+}
+
+TEST_F(LiveIngestTest, LossRepairAndDelayAreToldPerAgent) {
+  mixstage_lcm::agent_health_t health{};
+  health.epoch = 7;
+  ingest_.OnHealth(health, 0);
+  EXPECT_EQ(ingest_.epochs_heard(), 1);
+  std::int64_t now_us = 0;
+  for (std::int64_t n = 0; n < 200; ++n) {
+    EncodedFrame frame{.epoch = 7, .t_us = n * 33'000, .sequence = n, .width = 16, .height = 16, .bytes = {}};
+    frame.bytes.assign(19 * 1280, 1);
+    now_us = frame.t_us + (n % 3 == 0 ? 1'000 : 5'000);  // every third is the fastest
+    // One of 20 slices is lost: of the data where the number is even.
+    CutIntoSlices(frame, [&](const mixstage_lcm::frame_slice_t& s) {
+      if (s.slice != (n % 2 == 0 ? 3 : 19)) ingest_.OnSlice(s, now_us);
+    });
+  }
+  const AgentStatus agent = StatusAt(now_us + 1'000'000).agents.at(0);
+  EXPECT_EQ(agent.repaired, 100);
+  EXPECT_NEAR(agent.slice_loss, 0.05, 1e-3);
+  EXPECT_NEAR(agent.delay_ms, 4, 1e-9);
 }
 
 TEST_F(LiveIngestTest, PicturesOfAnotherSizeAreCountedDrops) {
