@@ -230,6 +230,10 @@ std::string ToJson(const WatchPing& ping) {
   return Dump({{"type", "ping"}, {"viewer_us", Number(ping.viewer_us)}});
 }
 
+std::string ToJson(const WatchTicket& ticket) {
+  return Dump({{"type", "ticket"}, {"ticket", ticket.ticket}});
+}
+
 std::string ToJson(const WatchSubscribe& subscribe) {
   Json streams = Json::array();
   if (subscribe.color) streams.push_back(StreamName(WatchStream::kColor));

@@ -91,12 +91,16 @@ Result<ServerMessage> ParseServerMessage(std::string_view text);
 struct WatchPing {
   double viewer_us = 0;
 };
+struct WatchTicket {
+  std::string ticket{};  // 43 characters of base64url, from POST /login
+};
 struct WatchSubscribe {
   bool color = false, depth = false;
 };
 struct WatchKeyFrameWish {};
 
 [[nodiscard]] std::string ToJson(const WatchPing& ping);
+[[nodiscard]] std::string ToJson(const WatchTicket& ticket);
 [[nodiscard]] std::string ToJson(const WatchSubscribe& subscribe);
 [[nodiscard]] std::string ToJson(const WatchKeyFrameWish& wish);
 
