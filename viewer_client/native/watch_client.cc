@@ -2,234 +2,110 @@
 #include "viewer_client/native/watch_client.h"
 
 #include <algorithm>
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/ip/tcp.hpp>
-#include <boost/asio/steady_timer.hpp>
-#include <boost/beast/core/flat_buffer.hpp>
-#include <boost/beast/core/tcp_stream.hpp>
-#include <boost/beast/websocket/stream.hpp>
 #include <chrono>
 #include <condition_variable>
-#include <deque>
 #include <mutex>
+#include <optional>
 #include <utility>
 
-#include "proto/base/clock.h"
-#include "proto/base/log.h"
-#include "viewer_client/native/server_clock.h"
+#include "viewer_client/native/dialer.h"
+#include "viewer_client/native/login_request.h"
+#include "viewer_client/native/watch_session.h"
 
 namespace mixstage {
 namespace {
 
 namespace asio = boost::asio;
-namespace beast = boost::beast;
-namespace websocket = beast::websocket;
-using asio::ip::tcp;
 using AsioError = boost::system::error_code;
-
-constexpr std::int64_t kKeyFrameWishSpacingUs = 500'000;
-constexpr int kQuickPings = 5;
-constexpr std::chrono::milliseconds kQuickPingEvery(200), kPingEvery(1000);
 
 std::chrono::milliseconds Milliseconds(double seconds) {
   return std::chrono::milliseconds(static_cast<std::int64_t>(seconds * 1e3));
 }
 
-// One connection from resolve to its end. Lives in one io_context, which one thread runs.
-class WatchSession {
- public:
-  WatchSession(asio::io_context& io, const WatchClientConfig& config, const WatchUrl& url,
-               const WatchCallbacks& callbacks, StreamDecoder& decoder)
-      : io_(io),
-        config_(config),
-        url_(url),
-        callbacks_(callbacks),
-        decoder_(decoder),
-        resolver_(io),
-        websocket_(io),
-        ping_timer_(io) {}
-
-  void Start() {
-    beast::get_lowest_layer(websocket_).expires_after(Milliseconds(config_.connect_timeout_s));
-    resolver_.async_resolve(
-        url_.host, url_.port, [this](AsioError error, const tcp::resolver::results_type& found) {
-          if (error) return End("the name " + url_.host + " is not known");
-          beast::get_lowest_layer(websocket_)
-              .async_connect(found, [this](AsioError failed, const tcp::endpoint&) {
-                if (failed)
-                  return End("nobody listens at " + url_.host_header + " (" + failed.message() + ")");
-                Handshake();
-              });
-        });
+// Whom a context believes.
+Status Trust(const WatchClientConfig& config, asio::ssl::context& tls) {
+  AsioError error;
+  tls.set_options(
+      asio::ssl::context::default_workarounds | asio::ssl::context::no_tlsv1 | asio::ssl::context::no_tlsv1_1,
+      error);
+  tls.set_verify_mode(config.tls_check == TlsCheck::kNone ? asio::ssl::verify_none : asio::ssl::verify_peer,
+                      error);
+  if (config.ca_file.empty()) {
+    tls.set_default_verify_paths(error);
+    return {};  // without them no certificate is trusted, which the connection says
   }
-
-  [[nodiscard]] bool connected() const { return connected_; }
-  [[nodiscard]] const std::string& why_ended() const { return why_ended_; }
-
- private:
-  void Handshake() {
-    auto& stream = beast::get_lowest_layer(websocket_);
-    AsioError ignored;
-    stream.socket().set_option(tcp::no_delay(true), ignored);
-    stream.expires_never();
-    websocket::stream_base::timeout timeouts{};
-    timeouts.handshake_timeout = Milliseconds(config_.connect_timeout_s);
-    timeouts.idle_timeout = Milliseconds(config_.silence_timeout_s);
-    timeouts.keep_alive_pings = true;
-    websocket_.set_option(timeouts);
-    websocket_.read_message_max(kMaxWatchPayloadBytes + 65'535);
-    websocket_.async_handshake(url_.host_header, "/watch", [this](AsioError error) {
-      if (error) return End("the server refused to be watched (" + error.message() + ")");
-      connected_ = true;
-      if (callbacks_.on_connected) callbacks_.on_connected();
-      if (!config_.streams.color || !config_.streams.depth) Send(ToJson(config_.streams));
-      Ping();
-      Read();
-    });
+  tls.load_verify_file(config.ca_file, error);
+  if (error) {
+    return Fail(ErrorCode::kInvalidConfig,
+                config.ca_file + ": holds no certificates in PEM that can be read (" + error.message() + ")");
   }
-
-  void Ping() {
-    Send(ToJson(WatchPing{static_cast<double>(MonotonicMicros())}));
-    ping_timer_.expires_after(++pings_ < kQuickPings ? kQuickPingEvery : kPingEvery);
-    ping_timer_.async_wait([this](AsioError cancelled) {
-      if (!cancelled) Ping();
-    });
-  }
-
-  void Send(std::string text) {
-    sending_.push_back(std::move(text));
-    if (sending_.size() == 1) Write();
-  }
-  void Write() {
-    websocket_.text(true);
-    websocket_.async_write(asio::buffer(sending_.front()), [this](AsioError error, std::size_t) {
-      if (error) return End("the connection broke (" + error.message() + ")");
-      sending_.pop_front();
-      if (!sending_.empty()) Write();
-    });
-  }
-
-  void Read() {
-    websocket_.async_read(buffer_, [this](AsioError error, std::size_t) {
-      if (error == websocket::error::closed) return End("the server said goodbye");
-      if (error) return End("the connection broke (" + error.message() + ")");
-      const auto bytes = buffer_.cdata();
-      if (websocket_.got_text()) {
-        OnText({static_cast<const char*>(bytes.data()), bytes.size()});
-      } else {
-        OnPicture({static_cast<const std::uint8_t*>(bytes.data()), bytes.size()});
-      }
-      buffer_.consume(buffer_.size());
-      Read();
-    });
-  }
-
-  void OnText(std::string_view text) {
-    const Result<ServerMessage> message = ParseServerMessage(text);
-    if (!message) {
-      spdlog::warn("view server=\"{}\"", message.error().message);
-    } else if (const auto* pong = std::get_if<WatchPong>(&*message)) {
-      clock_.Answered(static_cast<std::int64_t>(std::clamp(pong->viewer_us, 0.0, 9e15)), MonotonicMicros(),
-                      pong->server_us);
-    } else if (const auto* stats = std::get_if<WatchStats>(&*message)) {
-      if (callbacks_.on_stats) callbacks_.on_stats(*stats);
-    } else if (callbacks_.on_hello) {
-      callbacks_.on_hello(std::get<WatchHello>(*message));
-    }
-  }
-
-  void OnPicture(std::span<const std::uint8_t> message) {
-    const auto picture = ReadWatchPicture(message);
-    if (!picture) {
-      spdlog::warn("view picture=refused reason={}", RefusalName(picture.error()));
-      if (callbacks_.on_undecodable) callbacks_.on_undecodable(WatchStream::kColor);
-      return;
-    }
-    const auto arrival = [this, &message] {
-      const std::optional<std::int64_t> offset_us = clock_.offset_us();
-      return PictureArrival{offset_us ? std::optional(MonotonicMicros() + *offset_us) : std::nullopt,
-                            message.size()};
-    };
-    DecodeOutcome outcome = DecodeOutcome::kWaiting;
-    if (picture->header.stream == WatchStream::kColor) {
-      outcome = decoder_.DecodeColor(*picture, &color_);
-      if (outcome == DecodeOutcome::kPicture && callbacks_.on_color) callbacks_.on_color(color_, arrival());
-    } else {
-      outcome = decoder_.DecodeDepth(*picture, &depth_);
-      if (outcome == DecodeOutcome::kPicture && callbacks_.on_depth) callbacks_.on_depth(depth_, arrival());
-    }
-    if (outcome == DecodeOutcome::kUndecodable) {
-      if (callbacks_.on_undecodable) callbacks_.on_undecodable(picture->header.stream);
-      WishKeyFrame();
-    }
-  }
-
-  void WishKeyFrame() {
-    const std::int64_t now_us = MonotonicMicros();
-    if (now_us - last_wish_us_ < kKeyFrameWishSpacingUs) return;
-    last_wish_us_ = now_us;
-    Send(ToJson(WatchKeyFrameWish{}));
-  }
-
-  void End(std::string why) {
-    if (why_ended_.empty()) why_ended_ = std::move(why);
-    io_.stop();  // what is pending is dropped with the session
-  }
-
-  asio::io_context& io_;
-  const WatchClientConfig& config_;
-  const WatchUrl& url_;
-  const WatchCallbacks& callbacks_;
-  StreamDecoder& decoder_;
-  tcp::resolver resolver_;
-  websocket::stream<beast::tcp_stream, false> websocket_;
-  asio::steady_timer ping_timer_;
-  beast::flat_buffer buffer_;
-  std::deque<std::string> sending_;  // the front is on its way
-  ServerClock clock_;
-  ColorPicture color_;
-  WatchedDepth depth_;
-  int pings_ = 0;
-  std::int64_t last_wish_us_ = 0;
-  bool connected_ = false;
-  std::string why_ended_;
-};
+  return {};
+}
 
 class WatchClientImpl final : public WatchClient {
  public:
-  WatchClientImpl(WatchClientConfig config, WatchUrl url, WatchCallbacks callbacks, StreamDecoder decoder)
+  WatchClientImpl(WatchClientConfig config, WatchUrl url, asio::ssl::context tls, WatchCallbacks callbacks,
+                  StreamDecoder decoder)
       : config_(std::move(config)),
-        url_(std::move(url)),
+        tls_(std::move(tls)),
+        plan_{std::move(url), Milliseconds(config_.connect_timeout_s), &tls_},
         callbacks_(std::move(callbacks)),
         decoder_(std::move(decoder)) {}
 
-  void Run(std::stop_token stop) override {
+  WatchEnd Run(std::stop_token stop) override {
     double backoff_s = config_.shortest_backoff_s;
     while (!stop.stop_requested()) {
-      if (WatchOnce(stop)) backoff_s = config_.shortest_backoff_s;
+      const Attempt attempt = plan_.url.tls ? WatchOnce<TlsStream>(stop) : WatchOnce<PlainStream>(stop);
+      if (stop.stop_requested()) break;
+      if (callbacks_.on_disconnected) callbacks_.on_disconnected(attempt.why);
+      if (attempt.login_refused) return WatchEnd::kLoginRefused;
+      if (attempt.connected) backoff_s = config_.shortest_backoff_s;
       std::unique_lock lock(mutex_);
       wake_.wait_for(lock, stop, Milliseconds(backoff_s), [] { return false; });
       backoff_s = std::min(2 * backoff_s, config_.longest_backoff_s);
     }
+    return WatchEnd::kStopped;
   }
 
  private:
-  // Whether there was a connection at all.
-  bool WatchOnce(const std::stop_token& stop) {
+  struct Attempt {
+    bool connected = false;      // was let in, for however short
+    bool login_refused = false;  // for good
+    std::string why{};           // it ended
+  };
+
+  static void RunUntil(asio::io_context& io, const std::stop_token& stop) {
+    const std::stop_callback stop_io(stop, [&io] { io.stop(); });
+    io.run();
+  }
+
+  template <typename Stream>
+  Attempt WatchOnce(const std::stop_token& stop) {
+    std::string ticket;
+    if (!config_.token.empty()) {
+      asio::io_context io(1);
+      LoginRequest<Stream> login(io, plan_, config_.token);
+      login.Start();
+      RunUntil(io, stop);
+      const LoginAnswer& answer = login.answer();
+      if (answer.outcome == LoginOutcome::kRefused) return {.login_refused = true, .why = answer.why};
+      if (answer.outcome == LoginOutcome::kFailed) return {.why = answer.why};
+      ticket = answer.ticket;
+    }
     decoder_.Reset();
     asio::io_context io(1);
-    WatchSession session(io, config_, url_, callbacks_, decoder_);
+    WatchSession<Stream> session(io, config_, plan_, ticket, callbacks_, decoder_);
     session.Start();
-    {
-      const std::stop_callback stop_io(stop, [&io] { io.stop(); });
-      io.run();
-    }
-    if (!stop.stop_requested() && callbacks_.on_disconnected) callbacks_.on_disconnected(session.why_ended());
-    return session.connected();
+    RunUntil(io, stop);
+    // A ticket may have been forgotten by a server that restarted meanwhile: the next attempt has a new one.
+    return {.connected = session.connected(),
+            .login_refused = session.login_refused() && config_.token.empty(),
+            .why = session.why_ended()};
   }
 
   const WatchClientConfig config_;
-  const WatchUrl url_;
+  asio::ssl::context tls_;
+  const DialPlan plan_;
   const WatchCallbacks callbacks_;
   StreamDecoder decoder_;
   std::mutex mutex_;
@@ -254,10 +130,17 @@ Result<std::unique_ptr<WatchClient>> WatchClient::Create(WatchClientConfig confi
   }
   Result<WatchUrl> url = ParseWatchUrl(config.url);
   if (!url) return tl::unexpected(url.error());
+  if (!config.token.empty()) {
+    if (!IsTokenText(config.token)) return refuse("the token is not 43 characters of base64url");
+    if (!url->tls && !IsThisMachine(*url))
+      return refuse("a token goes to another machine only over TLS: use https://");
+  }
+  asio::ssl::context tls(asio::ssl::context::tls_client);
+  if (const Status trusted = Trust(config, tls); !trusted) return tl::unexpected(trusted.error());
   Result<StreamDecoder> decoder = StreamDecoder::Create();
   if (!decoder) return tl::unexpected(decoder.error());
-  return std::make_unique<WatchClientImpl>(std::move(config), std::move(*url), std::move(callbacks),
-                                           std::move(*decoder));
+  return std::make_unique<WatchClientImpl>(std::move(config), std::move(*url), std::move(tls),
+                                           std::move(callbacks), std::move(*decoder));
 }
 
 }  // namespace mixstage

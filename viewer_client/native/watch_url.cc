@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <charconv>
+#include "viewer_client/native/watch_url.h"
 
-#include "viewer_client/native/watch_client.h"
+#include <charconv>
 
 namespace mixstage {
 
@@ -11,9 +11,8 @@ Result<WatchUrl> ParseWatchUrl(const std::string& url) {
   };
   const std::size_t scheme_end = url.find("://");
   const std::string scheme = scheme_end == std::string::npos ? "" : url.substr(0, scheme_end);
-  if (scheme == "https" || scheme == "wss")
-    return refuse("asks for TLS, which the server does not have yet: use http");
-  if (scheme != "http" && scheme != "ws") return refuse("is not the address of a page");
+  const bool tls = scheme == "https" || scheme == "wss";
+  if (!tls && scheme != "http" && scheme != "ws") return refuse("is not the address of a page");
   std::string authority = url.substr(scheme_end + 3);
   authority = authority.substr(0, authority.find_first_of("/?#"));
   if (authority.find_first_of("@ \r\n\t\"") != std::string::npos)
@@ -22,8 +21,9 @@ Result<WatchUrl> ParseWatchUrl(const std::string& url) {
   const std::size_t colon = authority.rfind(':');
   const bool has_port = colon != std::string::npos && (bracket == std::string::npos || colon > bracket);
   WatchUrl parsed;
+  parsed.tls = tls;
   parsed.host = has_port ? authority.substr(0, colon) : authority;
-  parsed.port = has_port ? authority.substr(colon + 1) : "80";
+  parsed.port = has_port ? authority.substr(colon + 1) : tls ? "443" : "80";
   parsed.host_header = authority;
   unsigned port = 0;
   const char* end = parsed.port.data() + parsed.port.size();
@@ -35,6 +35,12 @@ Result<WatchUrl> ParseWatchUrl(const std::string& url) {
   }
   if (parsed.host.empty()) return refuse("names no host");
   return parsed;
+}
+
+bool IsThisMachine(const WatchUrl& url) {
+  // "127.evil.example" is a name, not an address.
+  const bool digits = url.host.find_first_not_of("0123456789.") == std::string::npos;
+  return url.host == "localhost" || url.host == "::1" || (digits && url.host.starts_with("127."));
 }
 
 }  // namespace mixstage
