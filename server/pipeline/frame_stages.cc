@@ -62,7 +62,11 @@ constexpr double kRestDeg = 0.05;
 std::span<const StageInfo> AllStages() { return kInfos; }
 
 Studio::Studio(StudioSetup setup)
-    : rig_(std::move(setup.rig)), scene_(std::move(setup.scene)), poses_(std::move(setup.poses)) {}
+    : rig_(std::move(setup.rig)),
+      scene_(std::move(setup.scene)),
+      poses_(std::move(setup.poses)),
+      device_(std::move(setup.device)),
+      renderer_name_(device_.Name()) {}
 
 Result<Studio> Studio::Create(StudioSetup setup) {
   const int learn_frames = setup.learn_frames;
@@ -70,7 +74,7 @@ Result<Studio> Studio::Create(StudioSetup setup) {
   const Rig& rig = studio.rig_;
   if (auto ok = rig.color.Validate(); !ok) return Within("rig: cameras.color", ok.error());
   if (rig.depth) {
-    auto warp = DepthWarp::Create(rig, {});
+    auto warp = DepthWarp::Create(rig, {}, studio.device_);
     if (!warp) return Within("rig", warp.error());
     studio.depth_warp_.emplace(std::move(*warp));
   }
@@ -90,7 +94,7 @@ Result<Studio> Studio::Create(StudioSetup setup) {
   if (!surface) return tl::unexpected(surface.error());
   studio.actor_surface_.emplace(std::move(*surface));
   if (studio.scene_) {
-    auto renderer = CgRenderer::Create({}, rig.color);
+    auto renderer = CgRenderer::Create({}, rig.color, studio.device_);
     if (!renderer) return tl::unexpected(renderer.error());
     studio.renderer_.emplace(std::move(*renderer));
     studio.illumination_ = IlluminationOf(*studio.scene_);

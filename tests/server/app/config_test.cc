@@ -21,6 +21,7 @@ TEST(StudioConfig, WhatIsPrintedReadsBack) {
   config.color.preset = EncoderPreset::kVeryfast;
   config.depth.bitrate_bps = 3'500'000;
   config.learn_frames = 45;
+  config.renderer = RendererChoice::kEgl;
   const auto back = ParseStudioConfig(ToYaml(config), "/etc/studio.yaml");
   ASSERT_TRUE(back) << back.error().message;
   EXPECT_EQ(ToYaml(*back), ToYaml(config));
@@ -31,6 +32,7 @@ TEST(StudioConfig, MistakesNameFileLineAndKey) {
                                                        {"version: 2\n", "version"},
                                                        {"background:\n  learn_frames: 2\n", "learn_frames"},
                                                        {"color: {preset: slow}\n", "preset"},
+                                                       {"renderer: vulkan\n", "renderer"},
                                                        {"color: {bitrate_mbps: .nan}\n", "bitrate_mbps"},
                                                        {"background: 7\n", "background"},
                                                        {"name: [a]\n", "name"},
