@@ -66,6 +66,13 @@ Status ReadAll(YamlFields& f, const std::string& place, const fs::path& folder, 
     return {};
   };
   if (auto ok = ReadSection(f, "background", place, background); !ok) return ok;
+  std::string renderer;
+  if (auto ok = f.Text("renderer", renderer); !ok) return ok;
+  if (!renderer.empty()) {
+    auto parsed = ParseRenderer(renderer);
+    if (!parsed) return f.Bad("renderer", parsed.error().message);
+    c.renderer = *parsed;
+  }
   if (auto ok = f.Text("listen", c.listen); !ok) return ok;
   if (auto ok = ReadPath(f, "page", folder, c.page); !ok) return ok;
   if (auto ok = ReadSection(f, "color", place, [&](YamlFields& s) { return ReadEncoder(s, c.color); }); !ok)
@@ -127,6 +134,7 @@ std::string ToYaml(const StudioConfig& c) {
   out << "background:\n";
   path("  clean_plate", c.clean_plate);
   out << "  learn_frames: " << c.learn_frames << "\n";
+  out << "renderer: " << RendererName(c.renderer) << "\n";
   out << "listen: " << quoted(c.listen) << "\n";
   path("page", c.page);
   encoder("color", c.color);

@@ -9,6 +9,7 @@
 #include "proto/link/lcm_link.h"
 #include "server/delivery/gateway.h"
 #include "server/delivery/video_encoder.h"
+#include "server/raster/render_device.h"
 
 namespace mixstage {
 
@@ -22,6 +23,7 @@ struct StudioConfig {
   std::filesystem::path scene;        // scene.yaml; empty = no CG
   std::filesystem::path clean_plate;  // a take of the empty set; empty = learn it live
   int learn_frames = 30;              // L of piVE eq (1)
+  RendererChoice renderer = RendererChoice::kAuto;
   std::string listen = "127.0.0.1:8080";
   std::filesystem::path page;  // the built page; empty = the installed one
   std::filesystem::path

@@ -22,7 +22,7 @@ int Report(const Error& error) {
 }
 
 struct RunOptions {
-  std::string config, rig, scene, clean_plate, listen, lcm, page, record;
+  std::string config, rig, scene, clean_plate, listen, lcm, page, record, renderer;
   bool check = false, print = false;
 };
 
@@ -40,6 +40,11 @@ int Run(const RunOptions& o) {
   if (!o.lcm.empty()) config.lcm_url = o.lcm;
   if (!o.page.empty()) config.page = o.page;
   config.record = o.record;
+  if (!o.renderer.empty()) {
+    auto renderer = ParseRenderer(o.renderer);
+    if (!renderer) return Report(renderer.error());
+    config.renderer = *renderer;
+  }
   if (o.print) {
     std::fputs(ToYaml(config).c_str(), stdout);
     return 0;
@@ -54,7 +59,7 @@ int Run(const RunOptions& o) {
 }
 
 struct ProcessFlags {
-  std::string take, rig, clean_plate, scene, poses, out, exports = "composite", frames;
+  std::string take, rig, clean_plate, scene, poses, out, exports = "composite", frames, renderer = "auto";
   double depth_unit_m = 0;
   bool encode = false, json = false;
 };
@@ -94,6 +99,9 @@ int Process(const ProcessFlags& f) {
   if (!f.frames.empty()) {
     if (auto ok = ParseFrames(f.frames, options); !ok) return Report(ok.error());
   }
+  auto renderer = ParseRenderer(f.renderer);
+  if (!renderer) return Report(renderer.error());
+  options.renderer = *renderer;
   if (f.depth_unit_m > 0) options.depth_unit_m = f.depth_unit_m;
   options.encode = f.encode;
   options.progress = f.json ? Progress::kSilent : Progress::kShow;
@@ -163,6 +171,7 @@ int main(int argc, char** argv) {
   run_command->add_option("--page", run.page, "folder of the built page");
   run_command->add_option("--record", run.record,
                           "folder to record into (a new take): what arrives, as it came");
+  run_command->add_option("--renderer", run.renderer, "auto (a GPU where there is one), cpu or egl");
   run_command->add_flag("--check-config", run.check, "read and check everything, then end");
   run_command->add_flag("--print-config", run.print, "print the configuration in force, then end");
   run_command->footer(
@@ -186,6 +195,10 @@ int main(int argc, char** argv) {
   process_command
       ->add_option("--depth-unit-m", process.depth_unit_m, "metres per count of the depth pictures")
       ->check(CLI::PositiveNumber);
+  process_command
+      ->add_option("--renderer", process.renderer,
+                   "auto (a GPU where there is one), cpu (the same bytes everywhere) or egl")
+      ->capture_default_str();
   process_command->add_flag("--encode", process.encode, "run the delivery encoders too, to measure them");
   process_command->add_flag("--json", process.json, "print report.json, no progress");
   process_command->footer(

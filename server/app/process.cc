@@ -124,7 +124,8 @@ struct Totals {
   std::vector<std::string> warnings;
 };
 
-std::string Report(const Totals& t, const StageTimes& times, const LearntRoom& room) {
+std::string Report(const Totals& t, const StageTimes& times, const LearntRoom& room,
+                   const std::string& renderer) {
   Json report;
   report["frames"] = t.frames;
   Json& stages = report["stages"] = Json::object();
@@ -149,7 +150,7 @@ std::string Report(const Totals& t, const StageTimes& times, const LearntRoom& r
   report["drops"] = Json(t.drops);
   report["room"] = room.how;
   report["warnings"] = Json(t.warnings);
-  report["versions"] = {{"mixstage", kVersion}, {"opencv", CV_VERSION}};
+  report["versions"] = {{"mixstage", kVersion}, {"opencv", CV_VERSION}, {"renderer", renderer}};
   return report.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
@@ -201,6 +202,9 @@ Result<std::string> RunProcess(const ProcessOptions& options) {
   totals.warnings.insert(totals.warnings.end(), rig->warnings.begin(), rig->warnings.end());
   StudioSetup setup;
   setup.rig = rig->rig;
+  auto device = ChooseBackend(options.renderer);
+  if (!device) return tl::unexpected(device.error());
+  setup.device = std::move(*device);
   if (take->depth.empty() && setup.rig.depth) {
     setup.rig.depth.reset();
     totals.warnings.push_back("the take has no depth: the key works by colour alone");
@@ -223,6 +227,7 @@ Result<std::string> RunProcess(const ProcessOptions& options) {
   auto room = Learn(options, *take, *studio, totals.warnings);
   if (!room) return tl::unexpected(room.error());
   studio->SetRoom(room->model, room->state);
+  spdlog::info("process renderer=\"{}\"", studio->renderer());
   spdlog::info("room state=\"{}\"", room->how);
   for (const std::string& warning : totals.warnings) spdlog::warn("process {}", warning);
   std::optional<Broadcast> broadcast;
@@ -280,7 +285,7 @@ Result<std::string> RunProcess(const ProcessOptions& options) {
   if (studio->unusable_depths() > 0) totals.drops["depth_size_not_rig"] = studio->unusable_depths();
   if (totals.frames == 0)
     return Fail(ErrorCode::kBadInput, options.take.string() + ": no colour picture could be used");
-  const std::string report = Report(totals, times, *room);
+  const std::string report = Report(totals, times, *room, studio->renderer());
   if (auto ok = exporter->Finish(report); !ok) return tl::unexpected(ok.error());
   return report;
 }

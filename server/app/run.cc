@@ -52,6 +52,9 @@ Result<Studio> OpenStudio(const StudioConfig& config) {
   StudioSetup setup;
   setup.rig = rig->rig;
   setup.learn_frames = config.learn_frames;
+  auto device = ChooseBackend(config.renderer);
+  if (!device) return tl::unexpected(device.error());
+  setup.device = std::move(*device);
   if (!config.scene.empty()) {
     auto scene = LoadScene(config.scene);
     if (!scene) return tl::unexpected(scene.error());
@@ -142,7 +145,8 @@ Status RunShow(const StudioConfig& config) {
     const std::string host = config.listen.substr(0, config.listen.rfind(':'));
     std::printf("http://%s:%d/\n", host.c_str(), gateway.port());
     std::fflush(stdout);
-    spdlog::info("show name={} url=http://{}:{}/ lcm={}", config.name, host, gateway.port(), config.lcm_url);
+    spdlog::info("show name={} url=http://{}:{}/ lcm={} renderer=\"{}\"", config.name, host, gateway.port(),
+                 config.lcm_url, show.renderer());
     int received = 0;
     sigwait(&signals, &received);
     spdlog::info("show end signal={}", received);

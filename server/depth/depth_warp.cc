@@ -42,6 +42,7 @@ class DepthWarp::MeshWay final : public DepthWarp::Way {
         color_(rig.color),
         warp_(rig, std::move(signal), {.step_sigmas = static_cast<float>(config.edge_sigmas)},
               config.near_m) {}
+  Status Use(const RenderDevice& device) { return warp_.Use(device); }
 
   Status Run(ImageView<const std::uint16_t> raw, ImageView<const std::uint16_t> amplitude,
              ImageView<float> depth_m) override {
@@ -110,7 +111,8 @@ class DepthWarp::RegisteredWay final : public DepthWarp::Way {
   std::vector<int> columns_;
 };
 
-Result<DepthWarp> DepthWarp::Create(const Rig& rig, const DepthWarpConfig& config) {
+Result<DepthWarp> DepthWarp::Create(const Rig& rig, const DepthWarpConfig& config,
+                                    const RenderDevice& device) {
   if (!rig.depth) {
     return Fail(ErrorCode::kInvalidConfig, "cameras.depth is missing in the rig: no depth can be warped");
   }
@@ -137,7 +139,9 @@ Result<DepthWarp> DepthWarp::Create(const Rig& rig, const DepthWarpConfig& confi
   if (!rig.T_color_depth.matrix().allFinite()) {
     return Fail(ErrorCode::kInvalidConfig, "T_color_depth has a number that is not finite");
   }
-  return DepthWarp(std::make_unique<MeshWay>(rig, std::move(*signal), config));
+  auto way = std::make_unique<MeshWay>(rig, std::move(*signal), config);
+  if (auto ok = way->Use(device); !ok) return tl::unexpected(ok.error());
+  return DepthWarp(std::move(way));
 }
 
 DepthWarp::DepthWarp(std::unique_ptr<Way> way) : way_(std::move(way)) {}

@@ -7,6 +7,7 @@
 #include "proto/base/image_view.h"
 #include "proto/base/result.h"
 #include "proto/geometry/rig.h"
+#include "server/raster/render_device.h"
 
 namespace mixstage {
 
@@ -32,7 +33,9 @@ class DepthWarp {
  public:
   // Fails (kInvalidConfig, the field named): no depth camera in the rig, a camera that is not valid, a depth
   // camera so coarse that its pixels are more than 40 colour pixels wide, numbers of the config out of range.
-  static Result<DepthWarp> Create(const Rig& rig, const DepthWarpConfig& config);
+  // device: what the mesh is drawn with (a registered picture needs no drawing); the pictures are the same.
+  static Result<DepthWarp> Create(const Rig& rig, const DepthWarpConfig& config,
+                                  const RenderDevice& device = {});
   DepthWarp(DepthWarp&&) noexcept;
   DepthWarp& operator=(DepthWarp&&) noexcept;
   ~DepthWarp();

@@ -4,7 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <span>
 #include <utility>
+
+#include "proto/base/log.h"
 
 namespace mixstage::depth {
 namespace {
@@ -40,6 +43,7 @@ MeshWarp::MeshWarp(const Rig& rig, DepthSignal signal, const SurfaceCutConfig& c
 void MeshWarp::Run(ImageView<const std::uint16_t> raw, ImageView<const std::uint16_t> amplitude,
                    ImageView<float> depth_m) {
   cut_.Run(signal_, raw, amplitude);
+  if (egl_ && DrawOnGpu(depth_m)) return;
   DrawSurface();
   EraseBehindEdges();
   for (int y = 0; y < depth_m.height(); ++y) {
@@ -48,12 +52,40 @@ void MeshWarp::Run(ImageView<const std::uint16_t> raw, ImageView<const std::uint
   }
 }
 
+Status MeshWarp::Use(const RenderDevice& device) {
+  egl_.reset();
+  if (device.backend == RasterBackend::kCpu) return {};
+  auto egl =
+      EglGridScan::Create(device.gpu, cut_.shape(), target_.x1 + 1, target_.y1 + 1, lens_.near_m);
+  if (!egl) return tl::unexpected(egl.error());
+  egl_.emplace(std::move(*egl));
+  return {};
+}
+
+bool MeshWarp::DrawOnGpu(ImageView<float> depth_m) {
+  const GridShape& shape = cut_.shape();
+  for (int y = 0; y < shape.height; ++y) ProjectRow(y);
+  const std::size_t count = PlaceTornCells();
+  const Status ok =
+      egl_->Draw(corners_, std::span(cut_.cells().data(), shape.size()), torn_.corners, count, depth_m);
+  // A lost context is reported by Gpu; what a driver refuses once it will refuse again.
+  if (!ok && !reported_ && ok.error().code != ErrorCode::kUnavailable) {
+    reported_ = true;
+    spdlog::warn("warp_depth event=drawn_on_cpu reason=\"{}\"", ok.error().message);
+  }
+  return ok.has_value();
+}
+
+void MeshWarp::ProjectRow(int y) {
+  const GridShape& shape = cut_.shape();
+  ProjectCorners(lens_, t_color_depth_, rays_, cut_.z().data(), static_cast<std::size_t>(shape.At(0, y)),
+                 static_cast<std::size_t>(shape.width), corners_);
+}
+
 void MeshWarp::DrawSurface() {
   const GridShape& shape = cut_.shape();
   for (int y = 0; y < shape.height; ++y) {
-    const auto row = static_cast<std::size_t>(shape.At(0, y));
-    ProjectCorners(lens_, t_color_depth_, rays_, cut_.z().data(), row, static_cast<std::size_t>(shape.width),
-                   corners_);
+    ProjectRow(y);
     if (y == 0) continue;
     // The row of cells above, now that both its rows of corners are there (and still in the cache).
     auto corner = [&](std::ptrdiff_t at) {
@@ -72,7 +104,7 @@ void MeshWarp::DrawSurface() {
 // The silhouette runs somewhere through a torn cell, and through parallax the colour camera may see
 // background there that the depth camera saw elsewhere: whatever lies behind the cell's nearest corner is
 // unknown.
-void MeshWarp::EraseBehindEdges() {
+std::size_t MeshWarp::PlaceTornCells() {
   const GridShape& shape = cut_.shape();
   const std::ptrdiff_t offsets[4] = {0, 1, shape.stride(), shape.stride() + 1};
   std::size_t count = 0;
@@ -120,13 +152,21 @@ void MeshWarp::EraseBehindEdges() {
       ++count;
     }
   }
-  if (count == 0) return;
-  CellRun run{{}, torn_.cells.data(), count};
   for (int k = 0; k < 4; ++k) {
     GridCorners& corners = torn_.corners[k];
     ProjectCorners(lens_, t_color_depth_, torn_.rays[k], torn_.depth_z[k].data(), 0, count, corners);
     // Where the cell is seen is decided by its depth; what lies behind it is what is farther by the margin.
     for (std::size_t i = 0; i < count; ++i) corners.inverse_z[i] *= torn_.inverse_z_scale[i];
+  }
+  return count;
+}
+
+void MeshWarp::EraseBehindEdges() {
+  const std::size_t count = PlaceTornCells();
+  if (count == 0) return;
+  CellRun run{{}, torn_.cells.data(), count};
+  for (int k = 0; k < 4; ++k) {
+    const GridCorners& corners = torn_.corners[k];
     run.corners[k] = {corners.x.data(), corners.y.data(), corners.inverse_z.data(), corners.outcode.data()};
   }
   EraseBehindCells(run, target_);

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "proto/geometry/rig.h"
+#include "server/depth/egl_grid_scan.h"
 #include "server/depth/grid_scan.h"
 #include "server/depth/surface_cut.h"
 #include "server/raster/raster_lens.h"
+#include "server/raster/render_device.h"
 
 namespace mixstage::depth {
 
@@ -15,6 +18,8 @@ namespace mixstage::depth {
 class MeshWarp {
  public:
   MeshWarp(const Rig& rig, DepthSignal signal, const SurfaceCutConfig& cut, double near_m);
+  // From now on cells are scanned by the device, and here only while it cannot. Fails when it never can.
+  Status Use(const RenderDevice& device);
 
   // Sizes are the rig's.
   void Run(ImageView<const std::uint16_t> raw, ImageView<const std::uint16_t> amplitude,
@@ -23,8 +28,13 @@ class MeshWarp {
   [[nodiscard]] const SurfaceCut& cut() const { return cut_; }
 
  private:
+  void ProjectRow(int y);
   void DrawSurface();
+  // Fills torn_; how many there are.
+  std::size_t PlaceTornCells();
   void EraseBehindEdges();
+  // Corners placed here, cells scanned there. False when the GPU cannot (now).
+  bool DrawOnGpu(ImageView<float> depth_m);
 
   const DepthSignal signal_;
   SurfaceCut cut_;
@@ -42,6 +52,8 @@ class MeshWarp {
     std::vector<float> inverse_z_scale;
     std::vector<std::uint8_t> cells;
   } torn_;
+  std::optional<EglGridScan> egl_;  // nothing: the cpu back end
+  bool reported_ = false;
 };
 
 }  // namespace mixstage::depth

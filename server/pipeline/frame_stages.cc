@@ -64,7 +64,11 @@ constexpr double kRestDeg = 0.05;
 std::span<const StageInfo> AllStages() { return kInfos; }
 
 Studio::Studio(StudioSetup setup)
-    : rig_(std::move(setup.rig)), scene_(std::move(setup.scene)), poses_(std::move(setup.poses)) {}
+    : rig_(std::move(setup.rig)),
+      scene_(std::move(setup.scene)),
+      poses_(std::move(setup.poses)),
+      device_(std::move(setup.device)),
+      renderer_name_(device_.Name()) {}
 
 RigidTransform Studio::TSceneColor(const Frame& frame) const {
   return scene_ && scene_->frame == SceneFrame::kCamera ? RigidTransform::Identity() : frame.T_world_color;
@@ -76,7 +80,7 @@ Result<Studio> Studio::Create(StudioSetup setup) {
   const Rig& rig = studio.rig_;
   if (auto ok = rig.color.Validate(); !ok) return Within("rig: cameras.color", ok.error());
   if (rig.depth) {
-    auto warp = DepthWarp::Create(rig, {});
+    auto warp = DepthWarp::Create(rig, {}, studio.device_);
     if (!warp) return Within("rig", warp.error());
     studio.depth_warp_.emplace(std::move(*warp));
   }
@@ -96,7 +100,7 @@ Result<Studio> Studio::Create(StudioSetup setup) {
   if (!surface) return tl::unexpected(surface.error());
   studio.actor_surface_.emplace(std::move(*surface));
   if (studio.scene_) {
-    auto renderer = CgRenderer::Create({}, rig.color);
+    auto renderer = CgRenderer::Create({}, rig.color, studio.device_);
     if (!renderer) return tl::unexpected(renderer.error());
     studio.renderer_.emplace(std::move(*renderer));
     studio.illumination_ = IlluminationOf(*studio.scene_);

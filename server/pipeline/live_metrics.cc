@@ -22,6 +22,12 @@ std::string LiveShow::MetricsText() const {
   gauge("mixstage_live", "1 while the show is live, 0 while it learns, waits or lacks a stream",
         stats.state == "live");
   gauge("mixstage_frames_per_second", "Composites encoded per second over the last 2 s", stats.fps);
+  prometheus::BuildGauge()
+      .Name("mixstage_renderer_info")
+      .Help("1, labelled with what depth and CG are drawn with")
+      .Register(registry)
+      .Add({{"renderer", renderer()}})
+      .Set(1);
   gauge("mixstage_viewers", "Viewers connected", static_cast<double>(stats.viewers));
   gauge("mixstage_bitrate_bits_per_second", "Encoded, both streams", stats.bitrate_bps);
   gauge("mixstage_latency_seconds_p50", "Capture to encoded over the last 10 s, median",

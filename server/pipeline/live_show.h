@@ -41,6 +41,8 @@ class LiveShow {
 
   // Prometheus text; any thread.
   [[nodiscard]] std::string MetricsText() const;
+  // The back end in force, for people.
+  [[nodiscard]] const std::string& renderer() const { return studio_.renderer(); }
   // What was wrong when a thread had to give up; empty while the show runs.
   [[nodiscard]] std::string failure() const;
 

@@ -13,6 +13,7 @@
 #include "server/pipeline/frame.h"
 #include "server/pipeline/room_learner.h"
 #include "server/pipeline/stage_times.h"
+#include "server/raster/render_device.h"
 #include "server/render/cg_renderer.h"
 #include "server/scene/scene.h"
 #include "server/segmentation/actor_surface.h"
@@ -25,10 +26,12 @@ struct StudioSetup {
   std::optional<Scene> scene;
   std::vector<PoseSample> poses;  // --poses: T_world_color by the take's time; empty = none
   int learn_frames = 30;          // L of piVE eq (1)
+  RenderDevice device;            // what depth, room and CG are drawn with
 };
 
 // What the frame stages share from one frame to the next: each stage's own worker with its buffers. Owned by
-// the thread that runs the frame stages (`frame` live; the only one in `process`).
+// the thread that runs the frame stages (`frame` live; the only one in `process`); made on another and handed
+// over, as a GPU's context is entered and left within a stage.
 class Studio {
  public:
   // Fails (kInvalidConfig, kBadInput) when rig and scene do not go together; says what to change.
@@ -48,6 +51,8 @@ class Studio {
   [[nodiscard]] const std::shared_ptr<const BackgroundModel>& room() const { return room_; }
   // Where a frame's colour camera is in the scene's frame; without a scene that is the world.
   [[nodiscard]] RigidTransform TSceneColor(const Frame& frame) const;
+  // The back end in force, for people; any thread.
+  [[nodiscard]] const std::string& renderer() const { return renderer_name_; }
   [[nodiscard]] RoomState room_state() const { return room_state_; }
   // Depth pictures that could not be warped (their size is not the rig's).
   [[nodiscard]] std::int64_t unusable_depths() const { return unusable_depths_; }
@@ -60,6 +65,8 @@ class Studio {
   Rig rig_;
   std::optional<Scene> scene_;
   std::vector<PoseSample> poses_;
+  RenderDevice device_;
+  std::string renderer_name_;
 
   // pose
   std::optional<HeadAngles> held_angles_;

@@ -52,12 +52,6 @@ bool AreOneSurface(ObjectFinder& finder, const std::int32_t (&ids)[4]) {
                             KeyOf(object, ids[3]));
 }
 
-// Blinn-Phong's exponent for a roughness: 2 / roughness^4 - 2, kept where four samples a pixel can show it.
-float Shininess(float roughness) {
-  const float alpha = roughness * roughness;
-  return std::clamp(2.0f / std::max(alpha * alpha, 1e-4f) - 2.0f, 1.0f, 256.0f);
-}
-
 // Samples of several surfaces: those of one become one fragment, shaded in their middle.
 template <typename AddFragment>
 void SplitPixel(ObjectFinder& finder, const std::int32_t (&ids)[4], AddFragment add) {
@@ -87,6 +81,11 @@ void SplitPixel(ObjectFinder& finder, const std::int32_t (&ids)[4], AddFragment 
 }
 
 }  // namespace
+
+float Shininess(float roughness) {
+  const float alpha = roughness * roughness;
+  return std::clamp(2.0f / std::max(alpha * alpha, 1e-4f) - 2.0f, 1.0f, 256.0f);
+}
 
 const TextureMips* FragmentShader::Surface::texture() const {
   const int index = material().texture;

@@ -25,6 +25,9 @@ struct FragmentSource {
   float pixel_rad = 0;              // width of a pixel as an angle, at the picture's centre
 };
 
+// Blinn-Phong's exponent for a roughness: 2 / roughness^4 - 2, kept where four samples a pixel can show it.
+[[nodiscard]] float Shininess(float roughness);
+
 class FragmentShader {
  public:
   // Writes row v (picture pixels) of the layer, which covers layer.bounds.

@@ -5,9 +5,12 @@
 #include <chrono>
 #include <vector>
 
+#include "proto/base/log.h"
+#include "server/raster/egl_rasteriser.h"
 #include "server/raster/rasteriser.h"
 #include "server/render/cg_fragments.h"
 #include "server/render/cg_objects.h"
+#include "server/render/egl_shading.h"
 
 namespace mixstage {
 namespace {
@@ -55,6 +58,11 @@ struct CgRenderer::State {
   PinholeCamera camera;
   cv::Mat2f rays;
   std::unique_ptr<Rasteriser> rasteriser;
+  // With a GPU: rasteriser is this one, and its samples are shaded where they are.
+  raster::EglRasteriser* egl = nullptr;
+  std::shared_ptr<gl::Gpu> gpu;
+  std::optional<EglShading> egl_shading;
+  bool reported = false;
   CameraScene scene;
   FragmentShader shader;
   // Pictures as large as any layer so far; the layer's are their corners.
@@ -79,6 +87,37 @@ struct CgRenderer::State {
     layer.object_id = object_id(corner);
   }
 
+  // Width of a pixel as an angle, at the picture's centre.
+  [[nodiscard]] float PixelRad() const { return static_cast<float>(2.0 / (camera.fx + camera.fy)); }
+
+  // Picture pixels, even-aligned, of the samples inside touched.
+  static cv::Rect PixelsOf(const cv::Rect& touched, const cv::Rect& region) {
+    const int x = (region.x + touched.x / kSampleScale) & ~1;
+    const int y = (region.y + touched.y / kSampleScale) & ~1;
+    const int right = (region.x + (touched.br().x - 1) / kSampleScale + 2) & ~1;
+    const int bottom = (region.y + (touched.br().y - 1) / kSampleScale + 2) & ~1;
+    return cv::Rect(x, y, right - x, bottom - y) & region;
+  }
+
+  // Samples and layer without a way through this processor. False when the GPU cannot: both are then to be
+  // drawn here.
+  bool DrawOnGpu(const CameraIllumination& light, const cv::Rect& region) {
+    const auto current = gpu->Enter();
+    if (!current) return false;
+    const gl::Texture* samples = egl->FinishOnGpu(*current);
+    if (samples == nullptr) return false;
+    const cv::Rect touched = egl->touched();
+    Cover(touched.empty() ? cv::Rect() : PixelsOf(touched, region));
+    if (touched.empty()) return true;
+    const Status ok = egl_shading->Shade(*current, scene, light, *samples, region, layer);
+    // A lost context is reported by Gpu; what a driver refuses once it will refuse again.
+    if (!ok && !reported && ok.error().code != ErrorCode::kUnavailable) {
+      reported = true;
+      spdlog::warn("render_scene event=drawn_on_cpu reason=\"{}\"", ok.error().message);
+    }
+    return ok.has_value();
+  }
+
   void Draw(const Scene& now, const RigidTransform& T_camera_scene, const Illumination& light) {
     const auto start = std::chrono::steady_clock::now();
     timing = {};
@@ -88,20 +127,19 @@ struct CgRenderer::State {
     if (region.empty()) return Cover({});
     rasteriser->Begin({kSampleScale, region});
     scene.Draw(now, T_camera_scene, *rasteriser);
+    const CameraIllumination camera_light = InCamera(light, T_camera_scene);
+    if (egl != nullptr && DrawOnGpu(camera_light, region)) {
+      timing.shading_ms = MillisecondsSince(start);
+      return;
+    }
     const VisibilityBuffer& samples = rasteriser->Finish();
     timing.visibility_ms = MillisecondsSince(start);
     if (samples.touched.empty()) return Cover({});
 
     const auto shading_start = std::chrono::steady_clock::now();
-    const cv::Rect& touched = samples.touched;
-    const int x = (region.x + touched.x / kSampleScale) & ~1;
-    const int y = (region.y + touched.y / kSampleScale) & ~1;
-    const int right = (region.x + (touched.br().x - 1) / kSampleScale + 2) & ~1;
-    const int bottom = (region.y + (touched.br().y - 1) / kSampleScale + 2) & ~1;
-    Cover(cv::Rect(x, y, right - x, bottom - y) & region);
-    const CameraIllumination camera_light = InCamera(light, T_camera_scene);
+    Cover(PixelsOf(samples.touched, region));
     const FragmentSource source{scene,  camera_light, samples,
-                                region, rays,         static_cast<float>(2.0 / (camera.fx + camera.fy))};
+                                region, rays,         PixelRad()};
     for (int v = layer.bounds.y; v < layer.bounds.br().y; ++v) shader.ShadeRow(source, v, layer);
     timing.shading_ms = MillisecondsSince(shading_start);
   }
@@ -112,14 +150,22 @@ CgRenderer::CgRenderer(CgRenderer&&) noexcept = default;
 CgRenderer& CgRenderer::operator=(CgRenderer&&) noexcept = default;
 CgRenderer::~CgRenderer() = default;
 
-Result<CgRenderer> CgRenderer::Create(const CgRendererConfig& config, const PinholeCamera& color) {
-  auto rasteriser = CreateRasteriser(RasterBackend::kCpu, color, {config.near_m});
+Result<CgRenderer> CgRenderer::Create(const CgRendererConfig& config, const PinholeCamera& color,
+                                      const RenderDevice& device) {
+  auto rasteriser = CreateRasteriser(device.backend, color, {config.near_m}, device.gpu);
   if (!rasteriser) return tl::unexpected(rasteriser.error());
   auto state = std::make_unique<State>();
   state->config = config;
   state->camera = color;
   state->rays = UnprojectionTable(color);
   state->rasteriser = std::move(*rasteriser);
+  if (device.backend == RasterBackend::kEgl) {
+    state->egl = static_cast<raster::EglRasteriser*>(state->rasteriser.get());
+    state->gpu = device.gpu;
+    auto shading = EglShading::Create(device.gpu, state->rays, state->PixelRad());
+    if (!shading) return tl::unexpected(shading.error());
+    state->egl_shading.emplace(std::move(*shading));
+  }
   return CgRenderer(std::move(state));
 }
 

@@ -13,6 +13,7 @@
 #include "proto/base/result.h"
 #include "proto/geometry/camera_model.h"
 #include "proto/geometry/frames.h"
+#include "server/raster/render_device.h"
 #include "server/render/illumination.h"
 #include "server/scene/scene.h"
 
@@ -43,8 +44,10 @@ struct CgTiming {
 // One thread at a time. Memory grows to the largest scene drawn, then stays.
 class CgRenderer {
  public:
-  // Fails (kInvalidConfig) when the camera or near_m is not valid.
-  static Result<CgRenderer> Create(const CgRendererConfig& config, const PinholeCamera& color);
+  // device: what visibility and shading are drawn with; the layers are the same but for roundings. Fails
+  // (kInvalidConfig) when the camera or near_m is not valid, (kInternal) when a GPU cannot run the passes.
+  static Result<CgRenderer> Create(const CgRendererConfig& config, const PinholeCamera& color,
+                                   const RenderDevice& device = {});
   CgRenderer(CgRenderer&&) noexcept;
   CgRenderer& operator=(CgRenderer&&) noexcept;
   ~CgRenderer();

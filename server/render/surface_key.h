@@ -23,6 +23,9 @@ class SurfaceKey {
     }
   }
 
+  // 16 bits each, from the top: material, 4096 (1 + x), y, z of the normal.
+  [[nodiscard]] std::uint64_t lanes() const { return lanes_; }
+
   // All of b are one surface with a.
   template <typename... Keys>
   static bool AreOne(SurfaceKey a, Keys... b) {
@@ -39,7 +42,7 @@ class SurfaceKey {
   static constexpr std::uint64_t kGuard = 0x4000'4000'4000'4000;
   static constexpr std::uint64_t kLimit = 0x0000'0400'0400'0400;  // 0 for the material, 0.25 for the normal
 
-  std::uint64_t lanes_;  // 16 bits each: material, 4096 (1 + x), y, z
+  std::uint64_t lanes_;
 };
 
 }  // namespace mixstage

@@ -43,6 +43,7 @@ class TextureMips {
   [[nodiscard]] std::span<const Level> levels() const { return levels_; }
   [[nodiscard]] const LevelTable& table() const { return table_; }
   [[nodiscard]] const std::uint16_t* texels() const { return texels_.ptr<std::uint16_t>(0); }
+  [[nodiscard]] std::size_t texel_count() const { return texels_.total(); }
   [[nodiscard]] TextureWrap wrap_u() const { return wrap_u_; }
   [[nodiscard]] TextureWrap wrap_v() const { return wrap_v_; }
 

@@ -22,6 +22,7 @@ TEST(StudioConfig, WhatIsPrintedReadsBack) {
   config.depth.bitrate_bps = 3'500'000;
   config.learn_frames = 45;
   config.parity = 0.14;
+  config.renderer = RendererChoice::kEgl;
   const auto back = ParseStudioConfig(ToYaml(config), "/etc/studio.yaml");
   ASSERT_TRUE(back) << back.error().message;
   EXPECT_EQ(ToYaml(*back), ToYaml(config));
@@ -33,6 +34,7 @@ TEST(StudioConfig, MistakesNameFileLineAndKey) {
                                                        {"parity: 1.5\n", "parity"},
                                                        {"background:\n  learn_frames: 2\n", "learn_frames"},
                                                        {"color: {preset: slow}\n", "preset"},
+                                                       {"renderer: vulkan\n", "renderer"},
                                                        {"color: {bitrate_mbps: .nan}\n", "bitrate_mbps"},
                                                        {"background: 7\n", "background"},
                                                        {"name: [a]\n", "name"},

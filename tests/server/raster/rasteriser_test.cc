@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "server/raster/triangle_plane.h"
+#include "tests/support/egl_or_skip.h"
 
 namespace mixstage {
 namespace {
@@ -25,12 +26,6 @@ PinholeCamera StrongLens() {
           .k2 = 0.08,
           .p1 = 0.0008,
           .p2 = -0.0005};
-}
-
-std::unique_ptr<Rasteriser> Make(const PinholeCamera& camera, double near_m = 0.05) {
-  auto made = CreateRasteriser(RasterBackend::kCpu, camera, {.near_m = near_m});
-  EXPECT_TRUE(made) << made.error().message;
-  return std::move(*made);
 }
 
 struct Mesh {
@@ -70,7 +65,22 @@ cv::Mat1f DepthOf(Rasteriser& rasteriser, const Mesh& mesh, Faces faces = Faces:
   return rasteriser.Finish().depth_m.clone();
 }
 
-TEST(Rasteriser, PlaneOfTwoTrianglesHasTheRaysDepthThroughAStrongLens) {
+// What holds for a back end holds for each.
+class RasteriserTest : public testing::TestWithParam<RasterBackend> {
+ protected:
+  void SetUp() override {
+    if (GetParam() == RasterBackend::kEgl) MIXSTAGE_SKIP_WITHOUT_EGL();
+  }
+  static std::unique_ptr<Rasteriser> Make(const PinholeCamera& camera, double near_m = 0.05) {
+    auto made = CreateRasteriser(GetParam(), camera, {.near_m = near_m}, test::SharedGpu());
+    EXPECT_TRUE(made) << made.error().message;
+    return std::move(*made);
+  }
+};
+INSTANTIATE_TEST_SUITE_P(BackEnds, RasteriserTest, testing::Values(RasterBackend::kCpu, RasterBackend::kEgl),
+                         [](const auto& info) { return info.param == RasterBackend::kCpu ? "cpu" : "egl"; });
+
+TEST_P(RasteriserTest, PlaneOfTwoTrianglesHasTheRaysDepthThroughAStrongLens) {
   const PinholeCamera camera = StrongLens();
   const cv::Mat2f rays = UnprojectionTable(camera);
   auto rasteriser = Make(camera);
@@ -90,7 +100,7 @@ TEST(Rasteriser, PlaneOfTwoTrianglesHasTheRaysDepthThroughAStrongLens) {
   EXPECT_LT(worst, 1e-4);
 }
 
-TEST(Rasteriser, OutlineFollowsTheLensesCurveToATenthOfAPixel) {
+TEST_P(RasteriserTest, OutlineFollowsTheLensesCurveToATenthOfAPixel) {
   const PinholeCamera camera = StrongLens();
   auto rasteriser = Make(camera);
   // Its upper edge runs straight across the room and bent across the picture.
@@ -110,7 +120,7 @@ TEST(Rasteriser, OutlineFollowsTheLensesCurveToATenthOfAPixel) {
   }
 }
 
-TEST(Rasteriser, SplitTrianglesLeaveNoGapAndNoDoublePixel) {
+TEST_P(RasteriserTest, SplitTrianglesLeaveNoGapAndNoDoublePixel) {
   const PinholeCamera camera = StrongLens();
   auto rasteriser = Make(camera);
   // Cells from two pixels to the whole view beside each other, all corners shared; across the near plane too.
@@ -150,7 +160,7 @@ TEST(Rasteriser, SplitTrianglesLeaveNoGapAndNoDoublePixel) {
   EXPECT_EQ(most, 1);
 }
 
-TEST(Rasteriser, NearPlaneCutsAFloorThatRunsUnderTheCamera) {
+TEST_P(RasteriserTest, NearPlaneCutsAFloorThatRunsUnderTheCamera) {
   const PinholeCamera camera{
       .width = 320, .height = 240, .fx = 150, .fy = 150, .cx = 159.5, .cy = 119.5, .k1 = -0.05};
   const cv::Mat2f rays = UnprojectionTable(camera);
@@ -171,7 +181,7 @@ TEST(Rasteriser, NearPlaneCutsAFloorThatRunsUnderTheCamera) {
   }
 }
 
-TEST(Rasteriser, NothingFoldsBackIntoThePicture) {
+TEST_P(RasteriserTest, NothingFoldsBackIntoThePicture) {
   // Folds at r = 0.816 (39 degrees), where it images at r = 0.544; the picture's corners lie beyond.
   const PinholeCamera camera{
       .width = 400, .height = 400, .fx = 330, .fy = 330, .cx = 199.5, .cy = 199.5, .k1 = -0.5};
@@ -194,7 +204,7 @@ TEST(Rasteriser, NothingFoldsBackIntoThePicture) {
   }
 }
 
-TEST(Rasteriser, HugeDegenerateAndNotFiniteTrianglesAreHarmless) {
+TEST_P(RasteriserTest, HugeDegenerateAndNotFiniteTrianglesAreHarmless) {
   constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
   constexpr float kInf = std::numeric_limits<float>::infinity();
   auto rasteriser = Make(StrongLens());
@@ -225,7 +235,7 @@ TEST(Rasteriser, HugeDegenerateAndNotFiniteTrianglesAreHarmless) {
   }
 }
 
-TEST(Rasteriser, NearerWinsInAnyOrderAndIdsKeepTheirOffsets) {
+TEST_P(RasteriserTest, NearerWinsInAnyOrderAndIdsKeepTheirOffsets) {
   auto rasteriser = Make(StrongLens());
   const Mesh near_quad = Quad({-0.2f, -0.2f, 1}, {0.4f, 0, 0}, {0, 0.4f, 0}, 5);
   const Mesh wall = Quad({-4, -4, 3}, {8, 0, 0}, {0, 8, 0}, 3);
@@ -249,7 +259,7 @@ TEST(Rasteriser, NearerWinsInAnyOrderAndIdsKeepTheirOffsets) {
   }
 }
 
-TEST(Rasteriser, BeginForgetsAndTouchedBoundsWhatIsThere) {
+TEST_P(RasteriserTest, BeginForgetsAndTouchedBoundsWhatIsThere) {
   auto rasteriser = Make(StrongLens());
   rasteriser->Begin({});
   rasteriser->Draw(Quad({-0.2f, -0.3f, 1}, {0.4f, 0, 0}, {0, 0.5f, 0}).View(), kHere, 3, Faces::kBoth);
@@ -266,7 +276,7 @@ TEST(Rasteriser, BeginForgetsAndTouchedBoundsWhatIsThere) {
   EXPECT_EQ(cv::countNonZero(empty.triangle != -1), 0);
 }
 
-TEST(Rasteriser, FrontFacesAreCounterClockwiseAlsoUnderAMirror) {
+TEST_P(RasteriserTest, FrontFacesAreCounterClockwiseAlsoUnderAMirror) {
   auto rasteriser = Make(StrongLens());
   // Right-handed with y down and z forward: towards the camera means the normal points to -z.
   const Mesh towards = Quad({-1, -1, 2}, {0, 2, 0}, {2, 0, 0});
@@ -282,7 +292,7 @@ TEST(Rasteriser, FrontFacesAreCounterClockwiseAlsoUnderAMirror) {
   EXPECT_GT(cv::countNonZero(rasteriser->Finish().depth_m), 0);
 }
 
-TEST(Rasteriser, DepthAloneMatchesDepthWithIds) {
+TEST_P(RasteriserTest, DepthAloneMatchesDepthWithIds) {
   auto rasteriser = Make(StrongLens());
   const Mesh wall = Quad({-4, -4, 3}, {8, 0, 1}, {0, 8, 0}, 40);
   const cv::Mat1f with_ids = DepthOf(*rasteriser, wall);
@@ -309,7 +319,7 @@ TEST(PictureGrid, FinerGridsKeepThePictureInPlace) {
   }
 }
 
-TEST(PictureGrid, CoverageOfFinerGridsIsTheArea) {
+TEST_P(RasteriserTest, CoverageOfFinerGridsIsTheArea) {
   // Undistorted, one picture pixel = 1 cm at 1 m: the quad covers exactly 10.25 x 7.5 pixels.
   const PinholeCamera camera{.width = 64, .height = 64, .fx = 100, .fy = 100, .cx = 31.5, .cy = 31.5};
   auto rasteriser = Make(camera);
@@ -330,7 +340,7 @@ TEST(PictureGrid, CoverageOfFinerGridsIsTheArea) {
   EXPECT_EQ(covered(30, 35), 8);
 }
 
-TEST(PictureGrid, ARegionShowsWhatTheWholePictureShows) {
+TEST_P(RasteriserTest, ARegionShowsWhatTheWholePictureShows) {
   const PinholeCamera camera = StrongLens();
   auto rasteriser = Make(camera);
   const Mesh wall = Quad({-4, -4, 3}, {8, 0, 1}, {0, 8, 0}, 30);
