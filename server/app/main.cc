@@ -59,7 +59,8 @@ int Run(const RunOptions& o) {
 }
 
 struct ProcessFlags {
-  std::string take, rig, clean_plate, scene, poses, out, exports = "composite", frames, renderer = "auto";
+  std::string take, rig, clean_plate, scene, poses, out, exports = "composite", frames, renderer = "auto",
+                                                         mesh_format = "drc";
   double depth_unit_m = 0;
   bool encode = false, json = false;
 };
@@ -87,6 +88,9 @@ int Process(const ProcessFlags& f) {
   auto exports = ParseExports(f.exports);
   if (!exports) return Report(exports.error());
   options.exports = *exports;
+  auto mesh_format = ParseMeshFormat(f.mesh_format);
+  if (!mesh_format) return Report(mesh_format.error());
+  options.mesh_format = *mesh_format;
   if (!f.rig.empty()) options.rig = f.rig;
   if (!f.scene.empty()) options.scene = f.scene;
   if (!f.poses.empty()) options.poses = f.poses;
@@ -189,7 +193,9 @@ int main(int argc, char** argv) {
   process_command->add_option("--poses", process.poses, "camera poses, TUM lines of T_world_color");
   process_command
       ->add_option("--export", process.exports,
-                   "list out of composite,depth,alpha,label,cg_alpha,pose,report")
+                   "list out of composite,depth,alpha,label,cg_alpha,mesh,pose,report")
+      ->capture_default_str();
+  process_command->add_option("--mesh-format", process.mesh_format, "of the export mesh: drc, ply or glb")
       ->capture_default_str();
   process_command->add_option("--frames", process.frames, "A:B, colour pictures A up to, not including, B");
   process_command

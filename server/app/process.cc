@@ -27,12 +27,13 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-constexpr std::array<std::pair<std::string_view, Export>, 7> kExportNames = {
+constexpr std::array<std::pair<std::string_view, Export>, 8> kExportNames = {
     {{"composite", Export::kComposite},
      {"depth", Export::kDepth},
      {"alpha", Export::kAlpha},
      {"label", Export::kLabel},
      {"cg_alpha", Export::kCgAlpha},
+     {"mesh", Export::kMesh},
      {"pose", Export::kPose},
      {"report", Export::kReport}}};
 constexpr int kWarmUpFrames = 10;  // not counted in core-ms per frame
@@ -243,6 +244,12 @@ Result<std::string> RunProcess(const ProcessOptions& options) {
     return Fail(ErrorCode::kInvalidConfig,
                 "--frames: the take has only " + std::to_string(ingest.frames()) + " frames");
   }
+  std::optional<MeshExporter> meshes;
+  if (options.exports.contains(Export::kMesh)) {
+    auto created = MeshExporter::Create(studio->rig().color, options.mesh_format);
+    if (!created) return tl::unexpected(created.error());
+    meshes.emplace(std::move(*created));
+  }
   StageTimes times(0);
   Frame frame;
   for (int i = options.first_frame; i < end; ++i) {
@@ -277,6 +284,10 @@ Result<std::string> RunProcess(const ProcessOptions& options) {
       }
       const std::int64_t export_cpu_us = ProcessCpuMicros();
       if (auto ok = exporter->Write(frame); !ok) return tl::unexpected(ok.error());
+      if (meshes) {
+        if (auto ok = meshes->Write(frame, options.out / "mesh", times); !ok)
+          return tl::unexpected(ok.error());
+      }
       totals.export_cpu_us += ProcessCpuMicros() - export_cpu_us;
     }
     if (options.progress == Progress::kShow)

@@ -7,12 +7,13 @@
 #include <string>
 
 #include "proto/base/result.h"
+#include "server/app/mesh_export.h"
 #include "server/raster/render_device.h"
 
 namespace mixstage {
 
 // What `process` can write, by the names of --export (SPEC.md 8).
-enum class Export { kComposite = 1, kDepth, kAlpha, kLabel, kCgAlpha, kPose, kReport };
+enum class Export { kComposite = 1, kDepth, kAlpha, kLabel, kCgAlpha, kMesh, kPose, kReport };
 
 // "composite,alpha,report"; fails (kInvalidConfig) on a name that is none, and lists those that are.
 Result<std::set<Export>> ParseExports(const std::string& list);
@@ -31,6 +32,7 @@ struct ProcessOptions {
   CleanPlate clean_plate = CleanPlate::kDefault;
   std::filesystem::path clean_plate_folder;
   std::set<Export> exports;
+  MeshFormat mesh_format = MeshFormat::kDraco;
   int first_frame = 0;  // of the take's colour pictures
   int end_frame = -1;   // one past the last; -1 = all
   std::optional<double> depth_unit_m;

@@ -24,11 +24,11 @@ struct MeshJob {
     std::uint32_t id = 0;
     std::shared_ptr<const Mesh> mesh;
   };
-  std::shared_ptr<const Frame> frame;
-  cv::Mat1f actor_depth_m;  // a copy: the frame's belongs to a worker
+  std::shared_ptr<const Frame> frame{};
+  cv::Mat1f actor_depth_m{};  // a copy: the frame's belongs to a worker
   RigidTransform T_scene_color = RigidTransform::Identity();
-  std::shared_ptr<const BackgroundModel> room;  // null: not known yet
-  std::vector<Object> objects;
+  std::shared_ptr<const BackgroundModel> room{};  // null: not known yet
+  std::vector<Object> objects{};
 };
 // On the thread that ran the studio's stages, before their next frame.
 [[nodiscard]] MeshJob MakeMeshJob(const Studio& studio, std::shared_ptr<const Frame> frame);
