@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "proto/base/result.h"
 #include "proto/link/lcm_link.h"
@@ -22,7 +23,12 @@ struct StudioConfig {
   std::filesystem::path clean_plate;  // a take of the empty set; empty = learn it live
   int learn_frames = 30;              // L of piVE eq (1)
   std::string listen = "127.0.0.1:8080";
-  std::filesystem::path page;  // the built page; empty = the installed one
+  std::filesystem::path page;        // the built page; empty = the installed one
+  std::filesystem::path tokens;      // who may log in; empty = no login, loopback only
+  TlsFiles tls;                      // empty = plain
+  std::filesystem::path audit;       // empty = none is written
+  std::vector<std::string> origins;  // pages of elsewhere that may watch
+  std::vector<std::string> hosts;    // further names of this server
   VideoEncoderConfig color;
   VideoEncoderConfig depth{.format = VideoFormat::kDepth10, .bitrate_bps = 2'000'000};
 };
