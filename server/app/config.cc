@@ -21,6 +21,19 @@ Status ReadPath(YamlFields& f, const char* key, const fs::path& folder, fs::path
   return {};
 }
 
+Status ReadTexts(YamlFields& f, const char* key, std::vector<std::string>& texts) {
+  const YAML::Node node = f.Raw(key);
+  if (!node.IsDefined() || node.IsNull()) return {};
+  if (!node.IsSequence() || node.size() > 100) return f.Bad(key, "is not a list of at most 100 texts");
+  for (const YAML::Node& item : node) {
+    if (!item.IsScalar() || item.Scalar().empty() || item.Scalar().size() > 300) {
+      return f.Bad(key, "holds something else than texts of 1 to 300 characters");
+    }
+    texts.push_back(item.Scalar());
+  }
+  return {};
+}
+
 // The fields of the mapping under `key`; nothing when it is not there.
 template <typename Read>
 Status ReadSection(YamlFields& f, const char* key, const std::string& place, Read read) {
@@ -75,6 +88,15 @@ Status ReadAll(YamlFields& f, const std::string& place, const fs::path& folder, 
   }
   if (auto ok = f.Text("listen", c.listen); !ok) return ok;
   if (auto ok = ReadPath(f, "page", folder, c.page); !ok) return ok;
+  if (auto ok = ReadPath(f, "tokens", folder, c.tokens); !ok) return ok;
+  if (auto ok = ReadPath(f, "audit", folder, c.audit); !ok) return ok;
+  auto tls = [&](YamlFields& t) -> Status {
+    if (auto ok = ReadPath(t, "certificate", folder, c.tls.certificate); !ok) return ok;
+    return ReadPath(t, "key", folder, c.tls.key);
+  };
+  if (auto ok = ReadSection(f, "tls", place, tls); !ok) return ok;
+  if (auto ok = ReadTexts(f, "origins", c.origins); !ok) return ok;
+  if (auto ok = ReadTexts(f, "hosts", c.hosts); !ok) return ok;
   if (auto ok = ReadSection(f, "color", place, [&](YamlFields& s) { return ReadEncoder(s, c.color); }); !ok)
     return ok;
   if (auto ok = ReadSection(f, "depth", place, [&](YamlFields& s) { return ReadEncoder(s, c.depth); }); !ok)
@@ -137,6 +159,19 @@ std::string ToYaml(const StudioConfig& c) {
   out << "renderer: " << RendererName(c.renderer) << "\n";
   out << "listen: " << quoted(c.listen) << "\n";
   path("page", c.page);
+  path("tokens", c.tokens);
+  if (!c.tls.empty()) {
+    out << "tls:\n";
+    path("  certificate", c.tls.certificate);
+    path("  key", c.tls.key);
+  }
+  path("audit", c.audit);
+  auto texts = [&](const char* key, const std::vector<std::string>& values) {
+    if (!values.empty()) out << key << ":\n";
+    for (const std::string& value : values) out << "  - " << quoted(value) << "\n";
+  };
+  texts("origins", c.origins);
+  texts("hosts", c.hosts);
   encoder("color", c.color);
   encoder("depth", c.depth);
   return out.str();

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "proto/base/result.h"
 #include "proto/link/lcm_link.h"
@@ -28,6 +29,11 @@ struct StudioConfig {
   std::filesystem::path page;  // the built page; empty = the installed one
   std::filesystem::path
       record;  // folder of a new take; by the command line alone: a file would name an old one
+  std::filesystem::path tokens;      // who may log in; empty = no login, loopback only
+  TlsFiles tls;                      // empty = plain
+  std::filesystem::path audit;       // empty = none is written
+  std::vector<std::string> origins;  // pages of elsewhere that may watch
+  std::vector<std::string> hosts;    // further names of this server
   VideoEncoderConfig color;
   VideoEncoderConfig depth{.format = VideoFormat::kDepth10, .bitrate_bps = 2'000'000};
 };

@@ -7,6 +7,7 @@
 #include "proto/base/log.h"
 #include "proto/base/version.h"
 #include "proto/geometry/rig.h"
+#include "server/app/access_commands.h"
 #include "server/app/config.h"
 #include "server/app/process.h"
 #include "server/app/run.h"
@@ -23,6 +24,7 @@ int Report(const Error& error) {
 
 struct RunOptions {
   std::string config, rig, scene, clean_plate, listen, lcm, page, record, renderer;
+  std::string tokens, audit, tls_certificate, tls_key;
   bool check = false, print = false;
 };
 
@@ -45,6 +47,10 @@ int Run(const RunOptions& o) {
     if (!renderer) return Report(renderer.error());
     config.renderer = *renderer;
   }
+  if (!o.tokens.empty()) config.tokens = o.tokens;
+  if (!o.audit.empty()) config.audit = o.audit;
+  if (!o.tls_certificate.empty()) config.tls.certificate = o.tls_certificate;
+  if (!o.tls_key.empty()) config.tls.key = o.tls_key;
   if (o.print) {
     std::fputs(ToYaml(config).c_str(), stdout);
     return 0;
@@ -143,9 +149,8 @@ int Check(const CheckFlags& f) {
     auto config = LoadStudioConfig(f.config);
     if (!config) return Report(config.error());
     // A configuration without a rig is a good one whose rig comes on the command line.
-    if (!config->rig.empty()) {
-      if (auto ok = CheckShow(*config); !ok) return Report(ok.error());
-    }
+    const Status good = config->rig.empty() ? CheckDelivery(*config) : CheckShow(*config);
+    if (!good) return Report(good.error());
     std::printf("%s: good\n", f.config.c_str());
   }
   return 0;
@@ -170,12 +175,18 @@ int main(int argc, char** argv) {
   run_command->add_option("--scene", run.scene, "scene.yaml: virtual objects");
   run_command->add_option("--clean-plate", run.clean_plate,
                           "capture folder of the empty set (default: learn it live)");
-  run_command->add_option("--listen", run.listen, "ADDRESS:PORT, loopback only (default 127.0.0.1:8080)");
+  run_command->add_option("--listen", run.listen,
+                          "ADDRESS:PORT (default 127.0.0.1:8080); beyond loopback needs --tokens and TLS");
   run_command->add_option("--lcm", run.lcm, "LCM URL");
   run_command->add_option("--page", run.page, "folder of the built page");
   run_command->add_option("--record", run.record,
                           "folder to record into (a new take): what arrives, as it came");
   run_command->add_option("--renderer", run.renderer, "auto (a GPU where there is one), cpu or egl");
+  run_command->add_option("--tokens", run.tokens, "who may log in: the file of mixstage-server token");
+  run_command->add_option("--tls-certificate", run.tls_certificate,
+                          "PEM file; mixstage-server certificate makes one");
+  run_command->add_option("--tls-key", run.tls_key, "PEM file of its key");
+  run_command->add_option("--audit", run.audit, "file to append logins and edits to, as JSON lines");
   run_command->add_flag("--check-config", run.check, "read and check everything, then end");
   run_command->add_flag("--print-config", run.print, "print the configuration in force, then end");
   run_command->footer(
@@ -219,12 +230,19 @@ int main(int argc, char** argv) {
   check_command->add_option("--scene", check.scene, "scene.yaml");
   check_command->footer("Example: mixstage-server check --rig rig.json");
 
+  TokenCommand token(app);
+  CertificateCommand certificate(app);
+
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : 2;
   }
   if (auto ok = StartLog("mixstage-server", log_level); !ok) return Report(ok.error());
+  if (token.parsed() || certificate.parsed()) {
+    const Status done = token.parsed() ? token.Run() : certificate.Run();
+    return done ? 0 : Report(done.error());
+  }
   if (run_command->parsed()) return Run(run);
   if (process_command->parsed()) return Process(process);
   return Check(check);

@@ -32,6 +32,18 @@ fs::path FindPage(const StudioConfig& config) {
   return {};
 }
 
+GatewayConfig GatewayOf(const StudioConfig& config) {
+  GatewayConfig gateway;
+  gateway.listen = config.listen;
+  gateway.page_folder = FindPage(config);
+  gateway.token_file = config.tokens;
+  gateway.audit_file = config.audit;
+  gateway.tls = config.tls;
+  gateway.origins = config.origins;
+  gateway.hosts = config.hosts;
+  return gateway;
+}
+
 // A rig.json, or a take: then its rig, or what is assumed where it has none.
 Result<LoadedRig> OpenRig(const fs::path& place) {
   if (!fs::is_directory(place)) return LoadRig(place);
@@ -91,7 +103,10 @@ Result<std::unique_ptr<TakeRecorder>> StartRecording(const StudioConfig& config)
 
 }  // namespace
 
+Status CheckDelivery(const StudioConfig& config) { return Gateway::Check(GatewayOf(config)); }
+
 Status CheckShow(const StudioConfig& config) {
+  if (auto ok = CheckDelivery(config); !ok) return ok;
   auto studio = OpenStudio(config);
   if (!studio) return tl::unexpected(studio.error());
   auto broadcast = Broadcast::Create({config.color, config.depth}, studio->rig().color, config.name, nullptr);
@@ -119,9 +134,7 @@ Status RunShow(const StudioConfig& config) {
 
   // The gateway asks for metrics from its own thread, and outlives the show.
   std::atomic<const LiveShow*> show_for_metrics = nullptr;
-  GatewayConfig gateway_config;
-  gateway_config.listen = config.listen;
-  gateway_config.page_folder = FindPage(config);
+  const GatewayConfig gateway_config = GatewayOf(config);
   if (gateway_config.page_folder.empty())
     spdlog::warn("page not found: build it, or set \"page:\"; /watch works");
   Gateway gateway(gateway_config, [&] {
@@ -142,11 +155,10 @@ Status RunShow(const StudioConfig& config) {
                   std::move(*recorder));
     if (config.parity) show.SetAgentParity(*config.parity);
     show_for_metrics = &show;
-    const std::string host = config.listen.substr(0, config.listen.rfind(':'));
-    std::printf("http://%s:%d/\n", host.c_str(), gateway.port());
+    std::puts(gateway.url().c_str());
     std::fflush(stdout);
-    spdlog::info("show name={} url=http://{}:{}/ lcm={} renderer=\"{}\"", config.name, host, gateway.port(),
-                 config.lcm_url, show.renderer());
+    spdlog::info("show name={} url={} lcm={} renderer=\"{}\"", config.name, gateway.url(), config.lcm_url,
+                 show.renderer());
     int received = 0;
     sigwait(&signals, &received);
     spdlog::info("show end signal={}", received);

@@ -20,6 +20,7 @@
 #include "proto/base/check.h"
 #include "proto/base/clock.h"
 #include "proto/base/log.h"
+#include "server/delivery/access_control.h"
 #include "server/delivery/http_connection.h"
 #include "server/delivery/listen_address.h"
 #include "server/delivery/viewer_connection.h"
@@ -44,6 +45,7 @@ Status Validate(const GatewayConfig& config) {
   const std::array checks = {
       within(config.max_connections, 1, 10'000, "max_connections"),
       within(config.max_viewers, 1, config.max_connections, "max_viewers"),
+      within(config.max_strangers, 1, 10'000, "max_strangers"),
       within(config.queued_pictures, 2, 1000, "queued_pictures"),
       within(config.queued_bytes, 1 << 16, 1 << 28, "queued_bytes"),
       within(config.send_buffer_bytes, 1 << 12, 1 << 24, "send_buffer_bytes"),
@@ -51,6 +53,8 @@ Status Validate(const GatewayConfig& config) {
       within(config.message_burst, 1.0, 10'000.0, "message_burst"),
       within(config.request_timeout_s, 0.05, 600.0, "request_timeout_s"),
       within(config.stall_timeout_s, 0.05, 600.0, "stall_timeout_s"),
+      within(config.login_timeout_s, 0.05, 600.0, "login_timeout_s"),
+      within(config.idle_timeout_s, 0.05, 3600.0, "idle_timeout_s"),
   };
   for (const Status& check : checks) {
     if (!check) return check;
@@ -63,7 +67,12 @@ Status Validate(const GatewayConfig& config) {
 class Gateway::Impl {
  public:
   Impl(GatewayConfig config, std::function<std::string()> metrics)
-      : config_(std::move(config)), hub_(config_), acceptor_(io_), tick_(io_), accept_pause_(io_) {
+      : config_(std::move(config)),
+        access_(config_),
+        hub_(config_),
+        acceptor_(io_),
+        tick_(io_),
+        accept_pause_(io_) {
     content_.metrics = std::move(metrics);
   }
   ~Impl() {
@@ -76,16 +85,19 @@ class Gateway::Impl {
     if (const Status valid = Validate(config_); !valid) return valid;
     const Result<ListenAddress> address = ParseListenAddress(config_.listen);
     if (!address) return tl::unexpected(address.error());
+    if (const Status opened = access_.Open(*address); !opened) return opened;
     if (!config_.page_folder.empty()) {
       Result<PageFiles> pages = PageFiles::Load(config_.page_folder);
       if (!pages) return tl::unexpected(pages.error());
       content_.pages = std::move(*pages);
     }
     if (const Status opened = Open(*address); !opened) return opened;
+    url_ = access_.Url(*address, port_);
     Accept();
     Tick();
     thread_ = std::thread([this] { Serve(); });
-    spdlog::info("delivery listen={}:{} page={}", address->ip, port_,
+    spdlog::info("delivery listen={}:{} tls={} login={} page={}", address->ip, port_,
+                 access_.tls() != nullptr, access_.login_needed(),
                  content_.pages.empty() ? "none" : "loaded");
     return {};
   }
@@ -144,6 +156,8 @@ class Gateway::Impl {
   }
 
   [[nodiscard]] std::uint16_t port() const { return port_; }
+  [[nodiscard]] std::string url() const { return url_; }
+  [[nodiscard]] AuditLog& audit() { return access_.audit(); }
   [[nodiscard]] ViewerHub& hub() { return hub_; }
 
  private:
@@ -223,15 +237,20 @@ class Gateway::Impl {
   }
 
   void Welcome(tcp::socket socket) {
-    if (hub_.counters.connections >= static_cast<std::uint64_t>(config_.max_connections)) {
+    AsioError ignored;
+    const std::string network = NetworkOf(socket.remote_endpoint(ignored).address());
+    if (hub_.counters.connections >= static_cast<std::uint64_t>(config_.max_connections) ||
+        strangers_.Of(network) >= config_.max_strangers) {
       ++hub_.counters.refused_full;
       return;  // closes it
     }
-    AsioError ignored;
     socket.set_option(tcp::no_delay(true), ignored);
     socket.set_option(asio::socket_base::send_buffer_size(config_.send_buffer_bytes), ignored);
-    std::make_shared<HttpConnection>(SocketStream(std::move(socket)),
-                                     ConnectionSlot(hub_.counters.connections), content_, hub_)
+    SocketStream stream = access_.tls() != nullptr ? SocketStream(std::move(socket), *access_.tls())
+                                                   : SocketStream(std::move(socket));
+    std::make_shared<HttpConnection>(std::move(stream),
+                                     ConnectionSlot(hub_.counters.connections, strangers_, network), content_,
+                                     access_, hub_)
         ->Start();
   }
 
@@ -239,7 +258,11 @@ class Gateway::Impl {
     tick_.expires_after(kTick);
     tick_.async_wait([this](AsioError cancelled) {
       if (cancelled) return;
-      hub_.CheckProgress(MonotonicMicros());
+      const std::int64_t now_us = MonotonicMicros();
+      if (access_.Refresh(now_us)) {
+        hub_.CloseUnless([this](const ViewerIdentity& identity) { return access_.MayStay(identity); });
+      }
+      hub_.CheckProgress(now_us);
       Tick();
     });
   }
@@ -258,12 +281,16 @@ class Gateway::Impl {
   }
 
   const GatewayConfig config_;
+  AccessControl access_;
   HttpContent content_;
-  ViewerHub hub_;  // outlives io_, whose pending handlers hold connections that count themselves here
+  // These outlive io_, whose pending handlers hold connections that count themselves here.
+  StrangerCounts strangers_;
+  ViewerHub hub_;
   asio::io_context io_{1};
   tcp::acceptor acceptor_;
   asio::steady_timer tick_, accept_pause_;
   std::uint16_t port_ = 0;
+  std::string url_;
   std::mutex mutex_;
   Inbox inbox_;  // guarded by mutex_
   std::atomic<bool> woken_{false};
@@ -274,9 +301,21 @@ Gateway::Gateway(GatewayConfig config, std::function<std::string()> metrics)
     : impl_(std::make_unique<Impl>(std::move(config), std::move(metrics))) {}
 Gateway::~Gateway() = default;
 
+Status Gateway::Check(const GatewayConfig& config) {
+  if (const Status valid = Validate(config); !valid) return valid;
+  const Result<ListenAddress> address = ParseListenAddress(config.listen);
+  if (!address) return tl::unexpected(address.error());
+  return AccessControl(config).Open(*address);
+}
+
 Status Gateway::Start() { return impl_->Start(); }
 void Gateway::Stop() { impl_->Stop(); }
 std::uint16_t Gateway::port() const { return impl_->port(); }
+std::string Gateway::url() const { return impl_->url(); }
+void Gateway::Audit(std::string_view name, WatchRole role, std::string_view address, std::string_view action,
+                    std::string_view edit_json) {
+  impl_->audit().Audit(name, role, address, action, edit_json);
+}
 void Gateway::Publish(std::shared_ptr<const WatchPicture> picture) { impl_->Publish(std::move(picture)); }
 void Gateway::PublishMesh(std::shared_ptr<const MeshMessage> mesh) { impl_->PublishMesh(std::move(mesh)); }
 void Gateway::RemoveMesh(WatchStream stream, std::uint32_t id) { impl_->RemoveMesh(stream, id); }
@@ -299,6 +338,10 @@ GatewayCounters Gateway::counters() const {
           .closed_slow = c.closed_slow,
           .closed_message = c.closed_message,
           .closed_rate = c.closed_rate,
+          .closed_login = c.closed_login,
+          .closed_idle = c.closed_idle,
+          .logins = c.logins,
+          .refused_login = c.refused_login,
           .refused_origin = c.refused_origin,
           .refused_full = c.refused_full};
 }

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// One TCP port for viewers (SPEC.md 4): the page, /healthz, /metrics and the WebSocket /watch. One thread,
-// "serve", owns every connection; other threads hand it pictures and texts and never wait for it.
+// One TCP port for viewers (SPEC.md 4), plain or TLS: the page, /healthz, /metrics, the login and the
+// WebSocket /watch. One thread, "serve", owns every connection; other threads hand it pictures and texts and
+// never wait for it.
 //
 // A picture is encoded once and shared by all viewers. A viewer that does not read fast enough is set back to
 // the next key frame, its queue emptied; one that reads nothing for `stall_timeout_s` is closed. Nobody waits
@@ -13,26 +14,37 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "proto/base/result.h"
 #include "proto/watch/text_message.h"
 #include "server/delivery/standing_meshes.h"
+#include "server/delivery/tls_certificate.h"
 #include "server/delivery/watch_picture.h"
 
 namespace mixstage {
 
 struct GatewayConfig {
-  std::string listen = "127.0.0.1:8090";  // loopback only; port 0 = any free one
-  std::filesystem::path page_folder{};    // the built page; empty = none
-  int max_connections = 256;              // all kinds together: 1 .. 10,000
-  int max_viewers = 128;                  // 1 .. max_connections
-  int queued_pictures = 16;               // per viewer, both streams: 2 .. 1,000
-  int queued_bytes = 4 << 20;             // per viewer
+  std::string listen = "127.0.0.1:8090";  // port 0 = any free one; beyond loopback needs token_file and tls
+  std::filesystem::path token_file{};     // who may log in; empty = no login, everyone is a director
+  std::filesystem::path audit_file{};     // empty = none is written
+  TlsFiles tls{};                         // empty = plain
+  std::vector<std::string> origins{};     // pages of elsewhere that may watch: "https://studio.example"
+  std::vector<std::string> hosts{};  // further names to be called by, beside loopback's and the certificate's
+  std::filesystem::path page_folder{};  // the built page; empty = none
+  int max_connections = 256;            // all kinds together: 1 .. 10,000
+  int max_viewers = 128;                // 1 .. max_connections
+  int max_strangers = 64;               // connections of one address that are not viewers: 1 .. 10,000
+  int queued_pictures = 16;             // per viewer, both streams: 2 .. 1,000
+  int queued_bytes = 4 << 20;           // per viewer
   int send_buffer_bytes = 256 << 10;  // of the socket: modest, so that the queue above sees a stalled viewer
   double messages_per_s = 20;         // per viewer, text and control frames
   double message_burst = 40;
   double request_timeout_s = 10;
   double stall_timeout_s = 10;
+  double login_timeout_s = 5;  // for a viewer's ticket
+  double idle_timeout_s = 60;  // a viewer that sends nothing for so long is closed
 };
 
 // What has happened since the start (viewers, connections: now).
@@ -45,6 +57,8 @@ struct GatewayCounters {
   std::uint64_t dropped_publish = 0;      // pictures that `serve` did not come to take (a bug's sign)
   std::uint64_t closed_slow = 0, closed_message = 0,
                 closed_rate = 0;                       // viewers closed: stalled, bad message, flood
+  std::uint64_t closed_login = 0, closed_idle = 0;     // no or a wrong ticket, revoked; silent for too long
+  std::uint64_t logins = 0, refused_login = 0;         // POST /login; wrong token or too many attempts
   std::uint64_t refused_origin = 0, refused_full = 0;  // wrong Origin or Host; limits reached
 };
 
@@ -57,13 +71,17 @@ class Gateway {
   Gateway(const Gateway&) = delete;
   Gateway& operator=(const Gateway&) = delete;
 
-  // Reads the page, opens the port and starts `serve`. Once. Fails with kInvalidConfig (a value, or an
-  // address that is not loopback), kBadInput (page folder) or kUnavailable (port in use).
+  // What Start() would fail with before it opens the port, the page aside.
+  static Status Check(const GatewayConfig& config);
+  // Reads the page, opens the port and starts `serve`. Once. Fails with kInvalidConfig (a value, tokens,
+  // certificate, or an address beyond loopback without both), kBadInput (page folder) or kUnavailable (port
+  // in use).
   Status Start();
   // Says goodbye to the viewers (close code 1001), closes everything and joins. Idempotent.
   void Stop();
-  // The port that was opened, after Start().
+  // The port that was opened and the page's address, after Start().
   [[nodiscard]] std::uint16_t port() const;
+  [[nodiscard]] std::string url() const;
 
   // ---- Any thread, any time, never blocking ----
   // Pictures of one stream in the order of encoding, none left out between key frames.
@@ -83,6 +101,9 @@ class Gateway {
   // be left out.
   [[nodiscard]] bool WantsStream(WatchStream stream) const;
   [[nodiscard]] GatewayCounters counters() const;
+  // A line of the audit log (SPEC.md 4.4); edit_json: the edit as it was sent, or empty.
+  void Audit(std::string_view name, WatchRole role, std::string_view address, std::string_view action,
+             std::string_view edit_json);
 
  private:
   class Impl;

@@ -14,6 +14,8 @@ struct HostAndPort {
   std::string_view port;  // without the colon; empty = none
 };
 
+char Lower(char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
+
 // "host", "host:port", "[v6]", "[v6]:port", in lower case and without the brackets.
 std::optional<HostAndPort> Split(std::string_view text) {
   HostAndPort parts;
@@ -29,17 +31,16 @@ std::optional<HostAndPort> Split(std::string_view text) {
     host = text.substr(0, colon);
     parts.port = text.substr(colon + 1);
   }
-  for (const char c : host) parts.host += c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  for (const char c : host) parts.host += Lower(c);
   return parts;
 }
 
-// The loopback address of a name, or nothing. Names are not looked up: what a resolver says can change.
-std::optional<std::string> LoopbackIp(const std::string& host) {
-  if (host == "localhost") return "127.0.0.1";
+// The address that is written, or localhost's. Names are not looked up: what a resolver says can change.
+std::optional<boost::asio::ip::address> Ip(const std::string& host) {
   boost::system::error_code error;
-  const auto address = boost::asio::ip::make_address(host, error);
-  if (error || !address.is_loopback()) return std::nullopt;
-  return address.to_string();
+  const auto address = boost::asio::ip::make_address(host == "localhost" ? "127.0.0.1" : host, error);
+  if (error) return std::nullopt;
+  return address;
 }
 
 }  // namespace
@@ -55,28 +56,46 @@ Result<ListenAddress> ParseListenAddress(const std::string& text) {
   const char* end = parts->port.data() + parts->port.size();
   const auto [rest, error] = std::from_chars(parts->port.data(), end, address.port);
   if (error != std::errc{} || rest != end) return refuse("has no port within 0..65535");
-  const std::optional<std::string> ip = LoopbackIp(parts->host);
-  if (!ip) {
-    return refuse(
-        "is not a loopback address: login and TLS are not there yet, so only this machine may watch (use "
-        "127.0.0.1:PORT and, from elsewhere, an SSH tunnel)");
-  }
-  address.ip = *ip;
+  const auto ip = Ip(parts->host);
+  if (!ip) return refuse("has no numeric address, like 127.0.0.1, 0.0.0.0 or [::]");
+  address.ip = ip->to_string();
+  address.loopback = ip->is_loopback();
   return address;
 }
 
 bool IsLoopbackHost(std::string_view host) {
   const std::optional<HostAndPort> parts = Split(host);
-  return parts && LoopbackIp(parts->host).has_value();
+  if (!parts) return false;
+  const auto ip = Ip(parts->host);
+  return ip && ip->is_loopback();
 }
 
-bool IsOwnOrigin(std::string_view origin, std::string_view host) {
-  constexpr std::string_view kScheme = "http://";
-  if (origin.size() != kScheme.size() + host.size()) return false;
-  const auto lower = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; };
-  const auto same = [lower](char a, char b) { return lower(a) == lower(b); };
-  return std::equal(kScheme.begin(), kScheme.end(), origin.begin(), same) &&
-         std::equal(host.begin(), host.end(), origin.begin() + kScheme.size(), same);
+bool IsHostAmong(std::string_view host, std::span<const std::string> names) {
+  const std::optional<HostAndPort> parts = Split(host);
+  if (!parts || parts->host.empty()) return false;
+  const std::size_t dot = parts->host.find('.');
+  return std::ranges::any_of(names, [&](const std::string& name) {
+    if (name == parts->host) return true;
+    return name.starts_with("*.") && dot != std::string::npos && dot > 0 &&
+           name.substr(1) == parts->host.substr(dot);
+  });
+}
+
+bool IsOwnOrigin(std::string_view origin, std::string_view scheme, std::string_view host) {
+  if (origin.size() != scheme.size() + host.size()) return false;
+  const auto same = [](char a, char b) { return Lower(a) == Lower(b); };
+  return std::equal(scheme.begin(), scheme.end(), origin.begin(), same) &&
+         std::equal(host.begin(), host.end(), origin.begin() + static_cast<std::ptrdiff_t>(scheme.size()),
+                    same);
+}
+
+bool IsOrigin(std::string_view text) {
+  const std::size_t scheme = text.starts_with("https://") ? 8 : text.starts_with("http://") ? 7 : 0;
+  if (scheme == 0 || text.size() == scheme || text.size() > 300) return false;
+  return std::ranges::all_of(text.substr(scheme), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '.' || c == '-' || c == ':' || c == '[' ||
+           c == ']';
+  });
 }
 
 }  // namespace mixstage

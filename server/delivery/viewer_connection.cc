@@ -5,6 +5,7 @@
 #include <boost/asio/buffer.hpp>
 #include <boost/asio/post.hpp>
 #include <chrono>
+#include <optional>
 #include <utility>
 
 #include "proto/base/clock.h"
@@ -24,10 +25,11 @@ constexpr std::int64_t kGoodbyeUs = 2'000'000;  // for the other side's half of 
 }  // namespace
 
 ViewerConnection::ViewerConnection(SocketStream stream, std::string address, ConnectionSlot slot,
-                                   ViewerHub& hub)
+                                   AccessControl& access, ViewerHub& hub)
     : websocket_(std::move(stream)),
       address_(std::move(address)),
       slot_(std::move(slot)),
+      access_(access),
       hub_(hub),
       // One byte more than allowed, so that "too long" can be seen.
       received_(kMaxViewerMessageBytes + 1),
@@ -37,14 +39,15 @@ void ViewerConnection::Start(const UpgradeRequest& request) {
   websocket_.next_layer().tcp().expires_never();  // the WebSocket has its own timers
   websocket::stream_base::timeout timeouts{};
   timeouts.handshake_timeout = std::chrono::seconds(5);
-  timeouts.idle_timeout = std::chrono::seconds(60);
-  timeouts.keep_alive_pings = true;
+  timeouts.idle_timeout = websocket::stream_base::none();  // CheckProgress() sees to it
+  timeouts.keep_alive_pings = false;
   websocket_.set_option(timeouts);
   websocket_.read_message_max(0);  // OnRead() counts, to close with the code of SPEC 4.2
   websocket_.auto_fragment(false);
   // Pings cost an answer each: they count like messages.
   websocket_.control_callback([this](websocket::frame_type, beast::string_view) {
-    if (closing_ || rate_.Take(MonotonicMicros())) return;
+    heard_us_ = MonotonicMicros();
+    if (closing_ || rate_.Take(heard_us_)) return;
     ++hub_.counters.closed_rate;
     asio::post(websocket_.get_executor(),
                [self = shared_from_this()] { self->Close(CloseCode::policy_error, "rate"); });
@@ -55,7 +58,12 @@ void ViewerConnection::Start(const UpgradeRequest& request) {
       ++self->hub_.counters.refused_full;
       return self->Abort();
     }
-    self->Admit({.role = WatchRole::kDirector});
+    self->opened_us_ = self->heard_us_ = MonotonicMicros();
+    if (self->access_.login_needed()) {
+      self->hub_.Await(self);
+    } else {
+      self->Admit({.role = WatchRole::kDirector});
+    }
     self->Read();
   });
 }
@@ -63,6 +71,7 @@ void ViewerConnection::Start(const UpgradeRequest& request) {
 void ViewerConnection::Admit(ViewerIdentity identity) {
   identity_ = std::move(identity);
   admitted_ = true;
+  slot_.NoStranger();
   hub_.Join(shared_from_this());
   SendText(std::make_shared<const std::string>(hub_.HelloText(identity_.role)));
 }
@@ -204,19 +213,41 @@ void ViewerConnection::Read() {
 void ViewerConnection::OnRead(AsioError error) {
   if (error) return Finish();
   if (closing_) return;  // the closing handshake reads for itself
+  heard_us_ = MonotonicMicros();
   if (!websocket_.got_text()) return CloseForMessage("a binary message");
   if (received_.size() > kMaxViewerMessageBytes) return CloseForMessage("a message of more than 4,096 bytes");
   if (websocket_.is_message_done()) {
-    if (!rate_.Take(MonotonicMicros())) {
+    if (!rate_.Take(heard_us_)) {
       ++hub_.counters.closed_rate;
       return Close(CloseCode::policy_error, "rate");
     }
     const auto bytes = received_.cdata();
-    OnMessage({static_cast<const char*>(bytes.data()), bytes.size()});
+    const std::string_view text(static_cast<const char*>(bytes.data()), bytes.size());
+    if (admitted_) {
+      OnMessage(text);
+    } else {
+      LogIn(text);
+    }
     received_.consume(received_.size());
     if (closing_) return;
   }
   Read();
+}
+
+void ViewerConnection::LogIn(std::string_view text) {
+  const Result<ViewerMessage> message = ParseViewerMessage(text);
+  const auto* ticket = message ? std::get_if<WatchTicket>(&*message) : nullptr;
+  std::optional<ViewerIdentity> identity;
+  if (ticket != nullptr) identity = access_.Redeem(ticket->ticket, MonotonicMicros());
+  if (!identity) {
+    access_.audit().AuditRefusedLogin(address_, "ticket");
+    return CloseForLogin();
+  }
+  if (hub_.full()) {
+    ++hub_.counters.refused_full;
+    return Close(CloseCode::try_again_later, "full");
+  }
+  Admit(std::move(*identity));
 }
 
 void ViewerConnection::OnMessage(std::string_view text) {
@@ -229,6 +260,8 @@ void ViewerConnection::OnMessage(std::string_view text) {
   } else if (const auto* edit = std::get_if<WatchEdit>(&*message)) {
     SendText(std::make_shared<const std::string>(ToJson(
         WatchRefused{edit->id, "This show has no scene to edit: start the server with --scene FILE."})));
+  } else if (std::holds_alternative<WatchTicket>(*message)) {
+    CloseForMessage("a ticket where none is asked for");
   } else {
     // Who asks for a key frame cannot use what comes before it.
     for (Stream& stream : streams_) stream.waiting = stream.may_ask = true;
@@ -254,14 +287,25 @@ void ViewerConnection::Subscribe(const WatchSubscribe& subscribe) {
 }
 
 void ViewerConnection::CheckProgress(std::int64_t now_us) {
-  const auto stall_us = static_cast<std::int64_t>(hub_.config().stall_timeout_s * 1e6);
+  const auto micros = [](double seconds) { return static_cast<std::int64_t>(seconds * 1e6); };
+  const GatewayConfig& config = hub_.config();
   if (closing_) {
     if (now_us - close_started_us_ > kGoodbyeUs) Abort();
-  } else if (writing_ && now_us - write_started_us_ > stall_us) {
+  } else if (!admitted_) {
+    if (now_us - opened_us_ > micros(config.login_timeout_s)) CloseForLogin();
+  } else if (writing_ && now_us - write_started_us_ > micros(config.stall_timeout_s)) {
     ++hub_.counters.closed_slow;
     spdlog::info("delivery viewer=closed reason=stalled");
     Abort();
+  } else if (now_us - heard_us_ > micros(config.idle_timeout_s)) {
+    ++hub_.counters.closed_idle;
+    Close(CloseCode::policy_error, "idle");
   }
+}
+
+void ViewerConnection::CloseForLogin() {
+  ++hub_.counters.closed_login;
+  Close(CloseCode::policy_error, "login");
 }
 
 void ViewerConnection::CloseForMessage(const std::string& reason) {

@@ -13,6 +13,7 @@
 #include <memory>
 #include <string>
 
+#include "server/delivery/access_control.h"
 #include "server/delivery/connection_slot.h"
 #include "server/delivery/socket_stream.h"
 #include "server/delivery/token_bucket.h"
@@ -27,9 +28,10 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
   using UpgradeRequest = boost::beast::http::request<boost::beast::http::empty_body>;
 
   // address: of the other end, for the audit log.
-  ViewerConnection(SocketStream stream, std::string address, ConnectionSlot slot, ViewerHub& hub);
+  ViewerConnection(SocketStream stream, std::string address, ConnectionSlot slot, AccessControl& access,
+                   ViewerHub& hub);
 
-  // Answers the upgrade, joins the hub, says hello.
+  // Answers the upgrade; then, at once or when a good ticket came, joins the hub and says hello.
   void Start(const UpgradeRequest& request);
 
   void SendPicture(const std::shared_ptr<const WatchPicture>& picture);
@@ -40,12 +42,15 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
   void SendText(std::shared_ptr<const std::string> text);
   // Skips predicted pictures from here on: what they were predicted from is missing.
   void WaitForKeyFrame();
-  // Cuts off who has taken nothing for too long, or does not answer a goodbye.
+  // Closes who brings no ticket, says nothing or takes nothing for too long, or does not answer a goodbye.
   void CheckProgress(std::int64_t now_us);
   // With the closing handshake. Nothing is sent after it.
   void Close(CloseCode code, const char* reason);
+  // Because the login is missing, wrong or ended.
+  void CloseForLogin();
 
-  // Who this is; nobody before the login, who gets nothing and may do nothing.
+  // Who this is; before the login nobody, who gets nothing and may do nothing.
+  [[nodiscard]] const ViewerIdentity& identity() const { return identity_; }
   [[nodiscard]] const std::string& name() const { return identity_.name; }
   [[nodiscard]] WatchRole role() const { return identity_.role; }
   [[nodiscard]] const std::string& address() const { return address_; }
@@ -73,6 +78,7 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
   void Admit(ViewerIdentity identity);  // joins the hub, says hello
   void Read();
   void OnRead(boost::system::error_code error);
+  void LogIn(std::string_view text);  // the first message, where a login is asked for
   void OnMessage(std::string_view text);
   void Subscribe(const WatchSubscribe& subscribe);
   void Write();
@@ -85,6 +91,7 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
   boost::beast::websocket::stream<SocketStream, false> websocket_;
   const std::string address_;
   ConnectionSlot slot_;
+  AccessControl& access_;
   ViewerHub& hub_;
   boost::beast::flat_buffer received_;
   TokenBucket rate_;
@@ -101,6 +108,8 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
   bool writing_ = false;
   bool closing_ = false;
   bool finished_ = false;
+  std::int64_t opened_us_ = 0;
+  std::int64_t heard_us_ = 0;  // when the last frame of any kind came
   std::int64_t write_started_us_ = 0;
   std::int64_t close_started_us_ = 0;
 };

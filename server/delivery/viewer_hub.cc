@@ -15,7 +15,12 @@ constexpr std::int64_t kKeyFrameSpacingUs = 500'000;  // SPEC 4.2: at most twice
 
 }  // namespace
 
+void ViewerHub::Await(std::shared_ptr<ViewerConnection> stranger) {
+  strangers_.push_back(std::move(stranger));
+}
+
 void ViewerHub::Join(std::shared_ptr<ViewerConnection> viewer) {
+  std::erase(strangers_, viewer);
   viewers_.push_back(std::move(viewer));
   counters.viewers = viewers_.size();
   CountSubscribers();
@@ -23,7 +28,8 @@ void ViewerHub::Join(std::shared_ptr<ViewerConnection> viewer) {
 }
 
 void ViewerHub::Leave(const ViewerConnection* viewer) {
-  std::erase_if(viewers_, [viewer](const auto& other) { return other.get() == viewer; });
+  for (auto* list : {&viewers_, &strangers_})
+    std::erase_if(*list, [viewer](const auto& other) { return other.get() == viewer; });
   counters.viewers = viewers_.size();
   CountSubscribers();
 }
@@ -79,14 +85,25 @@ void ViewerHub::AfterGap() {
 
 void ViewerHub::CheckProgress(std::int64_t now_us) {
   for (const auto& viewer : viewers_) viewer->CheckProgress(now_us);
+  for (const auto& stranger : strangers_) stranger->CheckProgress(now_us);
+}
+
+void ViewerHub::CloseUnless(const std::function<bool(const ViewerIdentity&)>& may_stay) {
+  for (const auto& viewer : viewers_) {
+    if (!may_stay(viewer->identity())) viewer->CloseForLogin();
+  }
 }
 
 void ViewerHub::CloseAll() {
-  for (const auto& viewer : viewers_)
-    viewer->Close(ViewerConnection::CloseCode::going_away, "the server stops");
+  for (const auto* list : {&viewers_, &strangers_})
+    for (const auto& viewer : *list)
+      viewer->Close(ViewerConnection::CloseCode::going_away, "the server stops");
 }
 
-void ViewerHub::CloseNow() { viewers_.clear(); }
+void ViewerHub::CloseNow() {
+  viewers_.clear();
+  strangers_.clear();
+}
 
 void ViewerHub::CountSubscribers() {
   for (const WatchStream stream : {WatchStream::kColor, WatchStream::kDepth}) {

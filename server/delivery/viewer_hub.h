@@ -7,11 +7,13 @@
 #include <array>
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "server/delivery/gateway.h"
+#include "server/delivery/viewer_identity.h"
 
 namespace mixstage {
 
@@ -21,7 +23,8 @@ class ViewerConnection;
 struct AtomicCounters {
   std::atomic<std::uint64_t> connections{0}, viewers{0}, pictures_sent{0}, bytes_sent{0}, meshes_sent{0},
       mesh_bytes_sent{0}, dropped_viewer_slow{0}, dropped_mesh_slow{0}, dropped_publish{0}, closed_slow{0},
-      closed_message{0}, closed_rate{0}, refused_origin{0}, refused_full{0};
+      closed_message{0}, closed_rate{0}, closed_login{0}, closed_idle{0}, logins{0}, refused_login{0},
+      refused_origin{0}, refused_full{0};
 };
 
 class ViewerHub {
@@ -30,6 +33,8 @@ class ViewerHub {
 
   // ---- Only on `serve` ----
   [[nodiscard]] bool full() const { return viewers_.size() >= static_cast<std::size_t>(config_.max_viewers); }
+  // One who has not brought a ticket yet: told nothing, but watched over.
+  void Await(std::shared_ptr<ViewerConnection> stranger);
   void Join(std::shared_ptr<ViewerConnection> viewer);
   void Leave(const ViewerConnection* viewer);
   void Publish(const std::shared_ptr<const WatchPicture>& picture);
@@ -41,8 +46,10 @@ class ViewerHub {
   void SetHello(WatchHello hello);
   // Pictures were lost before they came here: nobody can decode on before the next key frame.
   void AfterGap();
-  // Closes who stalls.
+  // Closes who stalls or is silent.
   void CheckProgress(std::int64_t now_us);
+  // Closes those whose token was revoked.
+  void CloseUnless(const std::function<bool(const ViewerIdentity&)>& may_stay);
   void CloseAll();
   // Forgets all viewers, when `serve` has ended.
   void CloseNow();
@@ -63,6 +70,7 @@ class ViewerHub {
  private:
   const GatewayConfig& config_;
   std::vector<std::shared_ptr<ViewerConnection>> viewers_;
+  std::vector<std::shared_ptr<ViewerConnection>> strangers_;
   WatchHello hello_;
   std::string state_;
   std::array<std::atomic<int>, kWatchStreams + 1> subscribers_{};  // the last: to meshes

@@ -4,10 +4,11 @@
 //
 //   bench_fanout [VIEWERS [SECONDS]]      default 100 viewers of 2 Mb/s, 5 s a row
 //
-// Loopback. The viewers are raw sockets in one thread of this process; their cost is not counted.
+// Loopback, plain and by TLS. The viewers are raw sockets in one thread of this process; their cost is not
+// counted.
 #include <fcntl.h>
 #include <netinet/in.h>
-#include <poll.h>
+#include <openssl/ssl.h>
 #include <sys/epoll.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
@@ -39,7 +40,8 @@ constexpr std::size_t kPayloadBytes = 2'000'000 / 8 / (2 * kFps) - kWatchHeaderB
 // One viewer's socket, read without ever waiting.
 class RawViewer {
  public:
-  explicit RawViewer(std::uint16_t port, int receive_buffer_bytes = 0)
+  // tls: nothing for a plain connection.
+  RawViewer(std::uint16_t port, SSL_CTX* tls, int receive_buffer_bytes = 0)
       : fd_(socket(AF_INET, SOCK_STREAM, 0)) {
     if (receive_buffer_bytes > 0)
       setsockopt(fd_, SOL_SOCKET, SO_RCVBUF, &receive_buffer_bytes, sizeof receive_buffer_bytes);
@@ -48,6 +50,11 @@ class RawViewer {
     address.sin_port = htons(port);
     address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     MIX_CHECK(connect(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0);
+    if (tls != nullptr) {
+      ssl_ = SSL_new(tls);
+      SSL_set_fd(ssl_, fd_);
+      MIX_CHECK(SSL_connect(ssl_) == 1);
+    }
     const std::string request = "GET /watch HTTP/1.1\r\nHost: localhost:" + std::to_string(port) +
                                 "\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: "
                                 "13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n";
@@ -63,7 +70,10 @@ class RawViewer {
   }
   RawViewer(const RawViewer&) = delete;
   RawViewer& operator=(const RawViewer&) = delete;
-  ~RawViewer() { close(fd_); }
+  ~RawViewer() {
+    SSL_free(ssl_);
+    close(fd_);
+  }
 
   [[nodiscard]] int fd() const { return fd_; }
 
@@ -80,9 +90,13 @@ class RawViewer {
 
  private:
   void Write(const std::string& text) {
-    MIX_CHECK(write(fd_, text.data(), text.size()) == static_cast<ssize_t>(text.size()));
+    const int size = static_cast<int>(text.size());
+    MIX_CHECK((ssl_ != nullptr ? SSL_write(ssl_, text.data(), size) : write(fd_, text.data(), text.size())) ==
+              size);
   }
-  ssize_t ReadSome(void* bytes, std::size_t size) { return read(fd_, bytes, size); }
+  ssize_t ReadSome(void* bytes, std::size_t size) {
+    return ssl_ != nullptr ? SSL_read(ssl_, bytes, static_cast<int>(size)) : read(fd_, bytes, size);
+  }
 
   // Up to `size` bytes of a WebSocket stream; how many were used.
   std::size_t Take(const std::uint8_t* bytes, std::size_t size, std::vector<std::int64_t>& ages_us) {
@@ -114,6 +128,7 @@ class RawViewer {
   }
 
   int fd_;
+  SSL* ssl_ = nullptr;
   std::array<std::uint8_t, 10> frame_head_{};
   std::size_t frame_head_bytes_ = 0;
   std::size_t left_ = 0;  // of the frame's payload
@@ -134,21 +149,24 @@ double ThreadCpuMs(const std::string& name) {
 
 enum class Stalled { kNone = 1, kOne };
 
-void Row(const char* name, int viewers, int seconds, Stalled stalled) {
-  GatewayConfig config{.listen = "127.0.0.1:0"};
+// tls: the gateway's certificate; empty = plain.
+void Row(const char* name, const TlsFiles& tls, int viewers, int seconds, Stalled stalled) {
+  GatewayConfig config{.listen = "127.0.0.1:0", .tls = tls};
   config.max_connections = config.max_viewers = viewers + 1;
   config.stall_timeout_s = 600;
   Gateway gateway(config);
   MIX_CHECK(gateway.Start().has_value());
   std::vector<std::unique_ptr<RawViewer>> all;
+  const std::unique_ptr<SSL_CTX, decltype(&SSL_CTX_free)> context(
+      tls.empty() ? nullptr : SSL_CTX_new(TLS_client_method()), SSL_CTX_free);
   const int epoll = epoll_create1(0);
   for (int i = 0; i < viewers; ++i) {
-    all.push_back(std::make_unique<RawViewer>(gateway.port()));
+    all.push_back(std::make_unique<RawViewer>(gateway.port(), context.get()));
     epoll_event event{.events = EPOLLIN, .data = {.ptr = all.back().get()}};
     epoll_ctl(epoll, EPOLL_CTL_ADD, all.back()->fd(), &event);
   }
   std::unique_ptr<RawViewer> deaf;
-  if (stalled == Stalled::kOne) deaf = std::make_unique<RawViewer>(gateway.port(), 4096);
+  if (stalled == Stalled::kOne) deaf = std::make_unique<RawViewer>(gateway.port(), context.get(), 4096);
 
   std::vector<std::int64_t> ages_us;
   ages_us.reserve(static_cast<std::size_t>(viewers * seconds * 2 * kFps + 1000));
@@ -210,7 +228,14 @@ int main(int argc, char** argv) {
   }
   rlimit files{.rlim_cur = 8192, .rlim_max = 8192};
   setrlimit(RLIMIT_NOFILE, &files);
-  Row("plain", viewers, seconds, Stalled::kNone);
-  Row("plain, one never reads", viewers, seconds, Stalled::kOne);
+  const std::filesystem::path folder =
+      std::filesystem::temp_directory_path() / ("mixstage_fanout_" + std::to_string(getpid()));
+  MIX_CHECK(MakeSelfSignedCertificate(folder, {"localhost"}).has_value());
+  const TlsFiles plain, tls{folder / "certificate.pem", folder / "key.pem"};
+  Row("plain", plain, viewers, seconds, Stalled::kNone);
+  Row("plain, one never reads", plain, viewers, seconds, Stalled::kOne);
+  Row("TLS", tls, viewers, seconds, Stalled::kNone);
+  Row("TLS, one never reads", tls, viewers, seconds, Stalled::kOne);
+  std::filesystem::remove_all(folder);
   return 0;
 }

@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """End to end: agent, LCM, server, encoder, gateway, decoding viewer.   run.py BUILD_DIR [NAME_PART]"""
+import http.client
 import json
 import os
 import pathlib
 import random
 import signal
 import socket
+import ssl
 import subprocess
 import sys
 import tempfile
@@ -116,6 +118,108 @@ def a_foreign_page_is_refused():
         studio.server()
         s = handshake(studio.port, origin="http://evil.example")
         assert b" 403 " in s.recv(200).split(b"\r\n")[0], "a foreign Origin was let in"
+
+
+def https(port, method, path, host="127.0.0.1", token=None, address="127.0.0.1"):
+    """One request over TLS whose certificate is not checked: (status, body)."""
+    context = ssl.create_default_context()
+    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    connection = http.client.HTTPSConnection(address, port, timeout=5, context=context)
+    connection.putrequest(method, path, skip_host=True)
+    connection.putheader("Host", f"{host}:{port}")
+    if token:
+        connection.putheader("Authorization", f"Bearer {token}")
+    connection.putheader("Content-Length", "0")
+    connection.endheaders()
+    answer = connection.getresponse()
+    return answer.status, answer.read().decode()
+
+
+def watch_with_ticket(port, ticket):
+    """A WebSocket over TLS after the login: (socket, its first message)."""
+    context = ssl.create_default_context()
+    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    s = context.wrap_socket(socket.create_connection(("127.0.0.1", port), timeout=10))
+    s.sendall((f"GET /watch HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+               "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n").encode())
+    s.sendall(text_frame(json.dumps({"type": "ticket", "ticket": ticket}).encode()))
+    stream = s.makefile("rb")
+    while stream.readline().strip():
+        pass
+    code, length = stream.read(2)
+    if length == 126:
+        length = int.from_bytes(stream.read(2), "big")
+    return stream, json.loads(stream.read(length)) if code == 0x81 else None
+
+
+def other_address():
+    """An address of this machine that is not loopback, or nothing."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as s:
+        try:
+            s.connect(("192.0.2.1", 9))  # sends nothing
+            return None if s.getsockname()[0].startswith("127.") else s.getsockname()[0]
+        except OSError:
+            return None
+
+
+def strangers_log_in_by_tls_and_go_when_revoked():
+    with tempfile.TemporaryDirectory() as folder, Studio(BUILD) as studio:
+        tokens, audit, tls = f"{folder}/tokens.json", f"{folder}/audit.jsonl", f"{folder}/tls"
+        tool = str(BUILD / "mixstage-server")
+
+        def run(*command):
+            return subprocess.run([tool, *command], capture_output=True, text=True, timeout=20)
+
+        anna = run("token", "make", "--file", tokens, "--name", "anna", "--role", "director").stdout.strip()
+        ben = run("token", "make", "--file", tokens, "--name", "ben", "--role", "viewer").stdout.strip()
+        assert len(anna) == len(ben) == 43 and anna != ben
+        assert "anna" in run("token", "list", "--file", tokens).stdout
+        beyond = other_address()
+        hosts = ["--host", "localhost"] + (["--host", beyond] if beyond else [])
+        assert run("certificate", "--out", tls, *hosts).returncode == 0
+        log = open(f"{folder}/log", "w+")
+        server = subprocess.Popen([tool, "--log-level", "debug", "run", "--rig", str(DEMO / "rig.json"), "--lcm", studio.lcm,
+                                   "--listen", f"0.0.0.0:{studio.port}", "--tokens", tokens, "--audit", audit,
+                                   "--tls-certificate", f"{tls}/certificate.pem", "--tls-key", f"{tls}/key.pem"],
+                                  stdout=log, stderr=log)
+        studio.running.append(server)
+
+        def ask(*what, **how):
+            try:
+                return https(studio.port, *what, **how)
+            except OSError:
+                return None
+
+        status, health = Studio.wait_for(lambda: ask("GET", "/healthz"), 20, "the server does not answer")
+        assert status == 200 and json.loads(health)["login"] is True, health
+        assert ask("GET", "/healthz", host="evil.example")[0] == 403, "a foreign name was answered"
+        assert ask("GET", "/healthz", host="127.0.0.2", address="127.0.0.2")[0] == 200, "the other loopback address is its own too"
+        assert ask("POST", "/login", token="A" * 43)[0] == 401
+        if beyond:
+            assert ask("GET", "/metrics", host=beyond, address=beyond)[0] == 401, "metrics went to a stranger"
+            assert ask("GET", "/metrics", host=beyond, address=beyond, token=ben)[0] == 200
+        assert ask("GET", "/metrics")[0] == 200
+        seen = {}
+        for token in (anna, ben):
+            status, body = ask("POST", "/login", token=token)
+            assert status == 200, body
+            login = json.loads(body)
+            stream, hello = watch_with_ticket(studio.port, login["ticket"])
+            assert hello["type"] == "hello" and hello["role"] == login["role"], hello
+            seen[login["name"]] = (stream, login)
+        assert {name: login["role"] for name, (_, login) in seen.items()} == {"anna": "director", "ben": "viewer"}
+        assert run("token", "revoke", "--file", tokens, "--name", "ben").returncode == 0
+        seen["ben"][0].read()  # until it is closed; a socket's timeout would be an error
+        assert ask("POST", "/login", token=ben)[0] == 401
+        server.send_signal(signal.SIGTERM)
+        assert server.wait(timeout=10) == 0
+        log.seek(0)
+        written = log.read() + open(audit).read() + open(tokens).read()
+        for secret in (anna, ben, *(login["ticket"] for _, login in seen.values())):
+            assert secret not in written, "a secret was written down"
+        actions = [json.loads(line)["action"] for line in open(audit)]
+        assert actions.count("login") == 2 and actions.count("login_refused") == 2, actions
+        assert os.stat(tokens).st_mode & 0o777 == 0o600
 
 
 def hostile_datagrams_do_not_disturb_the_show():
@@ -237,6 +341,12 @@ def wrong_use_is_one_line_and_exit_2():
             (3, "fx", ["mixstage-server", "check", "--rig", str(folder / "bad.json")]),
             (3, "nan.json", ["mixstage-server", "check", "--rig", str(folder / "nan.json")]),
             (2, "login", ["mixstage-server", "run", "--rig", rig, "--listen", "0.0.0.0:8080"]),
+            (2, "nowhere.json", ["mixstage-server", "run", "--rig", rig, "--tokens", "nowhere.json", "--check-config"]),
+            (2, "nowhere.pem", ["mixstage-server", "run", "--rig", rig, "--tls-certificate", "nowhere.pem", "--tls-key", "nowhere.pem",
+                                "--check-config"]),
+            (2, "--name", ["mixstage-server", "token", "make", "--file", str(folder / "t.json"), "--name", "a b", "--role", "viewer"]),
+            (2, "bad.json", ["mixstage-server", "token", "list", "--file", str(folder / "bad.json")]),
+            (2, "a b", ["mixstage-server", "certificate", "--out", str(folder), "--host", "a b"]),
             (3, "rgb.txt", ["mixstage-server", "process", "--take", str(folder), "--out", str(folder / "out")]),
             (2, "teapot", ["mixstage-server", "process", "--take", str(folder), "--out", str(folder / "out"), "--export", "teapot"]),
             (2, "--source", ["mixstage-agent", "--source", "webcam"]),
@@ -254,7 +364,8 @@ def wrong_use_is_one_line_and_exit_2():
 
 def help_and_version_answer_everywhere():
     for command in (["mixstage-agent"], ["mixstage-server"], ["mixstage-view"], ["mixstage-server", "run"],
-                    ["mixstage-server", "process"], ["mixstage-server", "check"]):
+                    ["mixstage-server", "process"], ["mixstage-server", "check"], ["mixstage-server", "token"],
+                    ["mixstage-server", "certificate"]):
         run = subprocess.run([str(BUILD / command[0]), *command[1:], "--help"], capture_output=True, text=True, timeout=20)
         assert run.returncode == 0 and "xample" in run.stdout + ("" if command != ["mixstage-server"] else "xample"), command
         if len(command) == 1:
@@ -264,7 +375,8 @@ def help_and_version_answer_everywhere():
 
 TESTS = [help_and_version_answer_everywhere, wrong_use_is_one_line_and_exit_2, live_show_reaches_the_viewer,
          the_order_of_starting_does_not_matter, a_killed_agent_comes_back, a_killed_server_comes_back_and_the_viewer_reconnects,
-         stalled_and_rude_viewers_disturb_nobody, a_foreign_page_is_refused, hostile_datagrams_do_not_disturb_the_show,
+         stalled_and_rude_viewers_disturb_nobody, a_foreign_page_is_refused,
+         strangers_log_in_by_tls_and_go_when_revoked, hostile_datagrams_do_not_disturb_the_show,
          sigterm_ends_cleanly, no_server_never_blocks_the_agent, metrics_and_health_tell_the_truth,
          a_killed_server_leaves_a_take_that_plays, a_recording_of_a_recording_is_the_same_bytes]
 

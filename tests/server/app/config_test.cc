@@ -23,6 +23,11 @@ TEST(StudioConfig, WhatIsPrintedReadsBack) {
   config.learn_frames = 45;
   config.parity = 0.14;
   config.renderer = RendererChoice::kEgl;
+  config.tokens = "/etc/mixstage/tokens.json";
+  config.tls = {"/etc/mixstage/certificate.pem", "/etc/mixstage/key.pem"};
+  config.audit = "/var/log/mixstage.jsonl";
+  config.origins = {"https://studio.example", "http://localhost:5173"};
+  config.hosts = {"studio.example"};
   const auto back = ParseStudioConfig(ToYaml(config), "/etc/studio.yaml");
   ASSERT_TRUE(back) << back.error().message;
   EXPECT_EQ(ToYaml(*back), ToYaml(config));
@@ -38,6 +43,10 @@ TEST(StudioConfig, MistakesNameFileLineAndKey) {
                                                        {"color: {bitrate_mbps: .nan}\n", "bitrate_mbps"},
                                                        {"background: 7\n", "background"},
                                                        {"name: [a]\n", "name"},
+                                                       {"tls: key.pem\n", "tls"},
+                                                       {"tls: {cert: a.pem}\n", "cert"},
+                                                       {"origins: https://a.example\n", "origins"},
+                                                       {"hosts: [[a]]\n", "hosts"},
                                                        {"{", "studio.yaml"}};
   for (const auto& [text, word] : cases) {
     const auto config = ParseStudioConfig(text, "studio.yaml");
@@ -49,8 +58,11 @@ TEST(StudioConfig, MistakesNameFileLineAndKey) {
 }
 
 TEST(StudioConfig, PathsAreRelativeToTheFile) {
-  const auto config = ParseStudioConfig("rig: ../rigs/a.json\n", "/etc/mixstage/studio.yaml");
+  const auto config = ParseStudioConfig("rig: ../rigs/a.json\ntls: {certificate: tls/a.pem, key: /b.pem}\n",
+                                        "/etc/mixstage/studio.yaml");
   ASSERT_TRUE(config);
+  EXPECT_EQ(config->tls.certificate, "/etc/mixstage/tls/a.pem");
+  EXPECT_EQ(config->tls.key, "/b.pem");
   EXPECT_EQ(config->rig, "/etc/rigs/a.json");
 }
 

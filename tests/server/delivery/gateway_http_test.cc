@@ -44,12 +44,18 @@ TEST_F(GatewayHttp, ServesThePageWithItsTypesAndGuards) {
     EXPECT_NE(page.find("<title>MixStage</title>"), std::string::npos);
     EXPECT_NE(page.find("Content-Type: text/html; charset=utf-8\r\n"), std::string::npos);
     EXPECT_NE(page.find("Cache-Control: no-store\r\n"), std::string::npos);
-    EXPECT_NE(
-        page.find("Content-Security-Policy: default-src 'self'; img-src 'self' data:; connect-src 'self'; "
-                  "worker-src 'self'; style-src 'self'\r\n"),
-        std::string::npos);
+    EXPECT_NE(page.find("Content-Security-Policy: default-src 'self';"), std::string::npos);
+    for (const char* directive :
+         {"img-src 'self' data:", "connect-src 'self'", "worker-src 'self'", "style-src 'self'",
+          "object-src 'none'", "base-uri 'none'", "form-action 'self'", "frame-ancestors 'none'"})
+      EXPECT_NE(page.find(directive), std::string::npos) << directive;
     EXPECT_NE(page.find("X-Content-Type-Options: nosniff\r\n"), std::string::npos);
     EXPECT_NE(page.find("Referrer-Policy: no-referrer\r\n"), std::string::npos);
+    EXPECT_NE(page.find("X-Frame-Options: DENY\r\n"), std::string::npos);
+    EXPECT_NE(page.find("Cross-Origin-Opener-Policy: same-origin\r\n"), std::string::npos);
+    EXPECT_NE(page.find("Cross-Origin-Resource-Policy: same-origin\r\n"), std::string::npos);
+    EXPECT_EQ(page.find("Strict-Transport-Security"), std::string::npos)
+        << "only what came by TLS may say so";
   }
   const std::string script = HttpGet(gateway.port(), "/assets/app-1234.js");
   EXPECT_NE(script.find("Content-Type: text/javascript; charset=utf-8\r\n"), std::string::npos);
@@ -83,14 +89,14 @@ TEST_F(GatewayHttp, HeadSendsNoBodyAndOtherMethodsAreRefused) {
 TEST_F(GatewayHttp, HealthSaysTheStateOfTheNewestStats) {
   Gateway gateway(Config());
   ASSERT_TRUE(gateway.Start());
-  EXPECT_NE(HttpGet(gateway.port(), "/healthz").find(R"({"status":"starting","state":""})"),
+  EXPECT_NE(HttpGet(gateway.port(), "/healthz").find(R"({"status":"starting","state":"","login":false})"),
             std::string::npos);
   const auto says = [&](const std::string& state, const std::string& body) {
     gateway.PublishStats(ToJson(WatchStats{.state = state}));
     return Eventually([&] { return HttpGet(gateway.port(), "/healthz").find(body) != std::string::npos; });
   };
-  EXPECT_TRUE(says("live", R"({"status":"ok","state":"live"})"));
-  EXPECT_TRUE(says("no_agent", R"({"status":"degraded","state":"no_agent"})"));
+  EXPECT_TRUE(says("live", R"({"status":"ok","state":"live","login":false})"));
+  EXPECT_TRUE(says("no_agent", R"({"status":"degraded","state":"no_agent","login":false})"));
 }
 
 TEST_F(GatewayHttp, MetricsComeFromTheCallback) {
@@ -150,14 +156,17 @@ TEST_F(GatewayHttp, APortInUseIsSaidSo) {
   EXPECT_NE(started.error().message.find("port is in use"), std::string::npos) << started.error().message;
 }
 
-TEST_F(GatewayHttp, WhatIsNotLoopbackIsNotOpened) {
+TEST_F(GatewayHttp, BeyondLoopbackNothingIsOpenedWithoutLoginAndTls) {
   GatewayConfig config = Config();
   config.listen = "0.0.0.0:0";
   Gateway gateway(config);
   const Status started = gateway.Start();
   ASSERT_FALSE(started);
   EXPECT_EQ(started.error().code, ErrorCode::kInvalidConfig);
-  EXPECT_NE(started.error().message.find("login and TLS are not there yet"), std::string::npos);
+  for (const char* fix :
+       {"login", "token make --file", "certificate --out", "--tokens", "--tls-certificate"}) {
+    EXPECT_NE(started.error().message.find(fix), std::string::npos) << started.error().message;
+  }
 }
 
 TEST_F(GatewayHttp, AFolderThatIsNoPageIsRefused) {
