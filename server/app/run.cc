@@ -14,6 +14,7 @@
 #include "proto/base/log.h"
 #include "server/app/learn_take.h"
 #include "server/pipeline/live_show.h"
+#include "server/scene/model_process.h"
 #include "server/scene/scene_file.h"
 
 namespace mixstage {
@@ -68,7 +69,7 @@ Result<Studio> OpenStudio(const StudioConfig& config) {
   if (!device) return tl::unexpected(device.error());
   setup.device = std::move(*device);
   if (!config.scene.empty()) {
-    auto scene = LoadScene(config.scene);
+    auto scene = LoadScene(config.scene, [](const fs::path& file) { return LoadModelApart(file); });
     if (!scene) return tl::unexpected(scene.error());
     for (const std::string& warning : scene->warnings) spdlog::warn("scene {}", warning);
     setup.scene = std::move(scene->scene);

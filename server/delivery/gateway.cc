@@ -51,6 +51,8 @@ Status Validate(const GatewayConfig& config) {
       within(config.send_buffer_bytes, 1 << 12, 1 << 24, "send_buffer_bytes"),
       within(config.messages_per_s, 0.1, 10'000.0, "messages_per_s"),
       within(config.message_burst, 1.0, 10'000.0, "message_burst"),
+      within(config.edits_per_s, 0.1, 10'000.0, "edits_per_s"),
+      within(config.edit_burst, 1.0, 10'000.0, "edit_burst"),
       within(config.request_timeout_s, 0.05, 600.0, "request_timeout_s"),
       within(config.stall_timeout_s, 0.05, 600.0, "stall_timeout_s"),
       within(config.login_timeout_s, 0.05, 600.0, "login_timeout_s"),
@@ -147,6 +149,20 @@ class Gateway::Impl {
     }
     Wake();
   }
+  void PublishScene(std::string scene) {
+    {
+      const std::lock_guard lock(mutex_);
+      inbox_.scene = std::move(scene);
+    }
+    Wake();
+  }
+  void SendTo(std::uint64_t viewer, std::string json) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (inbox_.answers.size() < kMaxWaitingEdits) inbox_.answers.emplace_back(viewer, std::move(json));
+    }
+    Wake();
+  }
   void SetHello(WatchHello hello) {
     {
       const std::lock_guard lock(mutex_);
@@ -169,6 +185,8 @@ class Gateway::Impl {
     std::map<std::pair<WatchStream, std::uint32_t>, std::shared_ptr<const MeshMessage>> standing_meshes;
     std::optional<std::string> stats;
     std::optional<WatchHello> hello;
+    std::optional<std::string> scene;
+    std::vector<std::pair<std::uint64_t, std::string>> answers;  // to one viewer each
     bool gap = false;
   };
 
@@ -217,6 +235,8 @@ class Gateway::Impl {
       for (const auto& picture : inbox.pictures) hub_.Publish(picture);
       for (const auto& [key, mesh] : inbox.standing_meshes) hub_.ReplaceMesh(key.first, key.second, mesh);
       if (inbox.actor_mesh) hub_.PublishActorMesh(inbox.actor_mesh);
+      if (inbox.scene) hub_.PublishScene(std::move(*inbox.scene));
+      for (auto& [viewer, json] : inbox.answers) hub_.SendTo(viewer, std::move(json));
       if (inbox.stats) hub_.PublishStats(std::move(*inbox.stats));
     });
   }
@@ -320,6 +340,8 @@ void Gateway::Publish(std::shared_ptr<const WatchPicture> picture) { impl_->Publ
 void Gateway::PublishMesh(std::shared_ptr<const MeshMessage> mesh) { impl_->PublishMesh(std::move(mesh)); }
 void Gateway::RemoveMesh(WatchStream stream, std::uint32_t id) { impl_->RemoveMesh(stream, id); }
 void Gateway::PublishStats(std::string stats_json) { impl_->PublishStats(std::move(stats_json)); }
+void Gateway::PublishScene(std::string scene_json) { impl_->PublishScene(std::move(scene_json)); }
+void Gateway::SendTo(std::uint64_t viewer, std::string json) { impl_->SendTo(viewer, std::move(json)); }
 void Gateway::SetHello(WatchHello hello) { impl_->SetHello(std::move(hello)); }
 bool Gateway::TakeKeyFrameRequest() { return impl_->hub().TakeKeyFrameRequest(MonotonicMicros()); }
 bool Gateway::WantsStream(WatchStream stream) const { return impl_->hub().WantsStream(stream); }

@@ -33,7 +33,9 @@ ViewerConnection::ViewerConnection(SocketStream stream, std::string address, Con
       hub_(hub),
       // One byte more than allowed, so that "too long" can be seen.
       received_(kMaxViewerMessageBytes + 1),
-      rate_(hub.config().messages_per_s, hub.config().message_burst) {}
+      id_(hub.NextViewerId()),
+      rate_(hub.config().messages_per_s, hub.config().message_burst),
+      edit_rate_(hub.config().edits_per_s, hub.config().edit_burst) {}
 
 void ViewerConnection::Start(const UpgradeRequest& request) {
   websocket_.next_layer().tcp().expires_never();  // the WebSocket has its own timers
@@ -74,6 +76,7 @@ void ViewerConnection::Admit(ViewerIdentity identity) {
   slot_.NoStranger();
   hub_.Join(shared_from_this());
   SendText(std::make_shared<const std::string>(hub_.HelloText(identity_.role)));
+  if (hub_.scene_text()) SendScene(hub_.scene_text());
 }
 
 bool ViewerConnection::wants_key_frame() const {
@@ -156,6 +159,18 @@ void ViewerConnection::SendText(std::shared_ptr<const std::string> text) {
   Write();
 }
 
+void ViewerConnection::SendScene(const std::shared_ptr<const std::string>& text) {
+  const auto first = queue_.begin() + (writing_ ? 1 : 0);
+  const auto waiting = std::find_if(first, queue_.end(), [](const Outgoing& out) { return out.scene; });
+  if (waiting != queue_.end()) {
+    waiting->text = text;
+    return;
+  }
+  const std::size_t before = queue_.size();
+  SendText(text);
+  if (queue_.size() > before) queue_.back().scene = true;
+}
+
 void ViewerConnection::WaitForKeyFrame() {
   for (Stream& stream : streams_) stream.waiting = true;
 }
@@ -217,10 +232,6 @@ void ViewerConnection::OnRead(AsioError error) {
   if (!websocket_.got_text()) return CloseForMessage("a binary message");
   if (received_.size() > kMaxViewerMessageBytes) return CloseForMessage("a message of more than 4,096 bytes");
   if (websocket_.is_message_done()) {
-    if (!rate_.Take(heard_us_)) {
-      ++hub_.counters.closed_rate;
-      return Close(CloseCode::policy_error, "rate");
-    }
     const auto bytes = received_.cdata();
     const std::string_view text(static_cast<const char*>(bytes.data()), bytes.size());
     if (admitted_) {
@@ -252,14 +263,18 @@ void ViewerConnection::LogIn(std::string_view text) {
 
 void ViewerConnection::OnMessage(std::string_view text) {
   const Result<ViewerMessage> message = ParseViewerMessage(text);
+  const bool is_edit = message && std::holds_alternative<WatchEdit>(*message);
+  if (!(is_edit ? edit_rate_ : rate_).Take(MonotonicMicros())) {
+    ++hub_.counters.closed_rate;
+    return Close(CloseCode::policy_error, "rate");
+  }
   if (!message) return CloseForMessage(message.error().message);
   if (const auto* ping = std::get_if<WatchPing>(&*message)) {
     SendText(std::make_shared<const std::string>(ToJson(WatchPong{ping->viewer_us, MonotonicMicros()})));
   } else if (const auto* subscribe = std::get_if<WatchSubscribe>(&*message)) {
     Subscribe(*subscribe);
   } else if (const auto* edit = std::get_if<WatchEdit>(&*message)) {
-    SendText(std::make_shared<const std::string>(ToJson(
-        WatchRefused{edit->id, "This show has no scene to edit: start the server with --scene FILE."})));
+    Edit(*edit);
   } else if (std::holds_alternative<WatchTicket>(*message)) {
     CloseForMessage("a ticket where none is asked for");
   } else {
@@ -267,6 +282,24 @@ void ViewerConnection::OnMessage(std::string_view text) {
     for (Stream& stream : streams_) stream.waiting = stream.may_ask = true;
     hub_.WishKeyFrame();
   }
+}
+
+void ViewerConnection::Edit(const WatchEdit& edit) {
+  const auto audit = [&](const char* action) {
+    // A drag is told by its last step.
+    if (!edit.live) access_.audit().Audit(name(), role(), address_, action, ToJson(edit));
+  };
+  const auto refuse = [&](const char* reason) {
+    audit("refused");
+    SendText(std::make_shared<const std::string>(ToJson(WatchRefused{edit.id, reason})));
+  };
+  const std::shared_ptr<EditQueue>& edits = hub_.config().edits;
+  if (!MayEdit()) return refuse("Only directors may edit the scene.");
+  if (!edits) return refuse("This show has no scene to edit: start the server with --scene FILE.");
+  // Only this thread puts edits in: there is room when it says so.
+  if (edits->size() >= kMaxWaitingEdits) return refuse("Too many edits wait: try again.");
+  audit("edit");
+  edits->Push({edit, id_, name()});
 }
 
 void ViewerConnection::Subscribe(const WatchSubscribe& subscribe) {

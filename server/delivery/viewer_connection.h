@@ -40,6 +40,8 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
   // Those that it has not got yet, one after another.
   void SendStandingMeshes();
   void SendText(std::shared_ptr<const std::string> text);
+  // A `scene` message; takes the place of one that still waits.
+  void SendScene(const std::shared_ptr<const std::string>& text);
   // Skips predicted pictures from here on: what they were predicted from is missing.
   void WaitForKeyFrame();
   // Closes who brings no ticket, says nothing or takes nothing for too long, or does not answer a goodbye.
@@ -57,6 +59,7 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
   // The one place that decides who may change the scene.
   [[nodiscard]] bool MayEdit() const { return admitted_ && identity_.role == WatchRole::kDirector; }
 
+  [[nodiscard]] std::uint64_t id() const { return id_; }
   [[nodiscard]] bool subscribed(WatchStream stream) const { return streams_[StreamIndex(stream)].subscribed; }
   [[nodiscard]] bool subscribed_to_meshes() const { return meshes_; }
   // Waits for a key frame that may be asked for on its behalf (a slow viewer waits for the next one by
@@ -68,6 +71,7 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
     std::shared_ptr<const WatchPicture> picture{};
     std::shared_ptr<const std::string> text{};
     std::shared_ptr<const MeshMessage> mesh{};
+    bool scene = false;  // the text is a scene
   };
   struct Stream {
     bool subscribed = true;
@@ -81,6 +85,7 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
   void LogIn(std::string_view text);  // the first message, where a login is asked for
   void OnMessage(std::string_view text);
   void Subscribe(const WatchSubscribe& subscribe);
+  void Edit(const WatchEdit& edit);
   void Write();
   void OnWritten(boost::system::error_code error);
   void ClearPictures();
@@ -94,7 +99,8 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
   AccessControl& access_;
   ViewerHub& hub_;
   boost::beast::flat_buffer received_;
-  TokenBucket rate_;
+  std::uint64_t id_;
+  TokenBucket rate_, edit_rate_;
   ViewerIdentity identity_;
   bool admitted_ = false;
   std::array<Stream, kWatchStreams> streams_;

@@ -44,6 +44,8 @@ class ViewerHub {
   [[nodiscard]] const StandingMeshes& standing_meshes() const { return standing_meshes_; }
   void PublishStats(std::string stats_json);
   void SetHello(WatchHello hello);
+  void PublishScene(std::string scene_json);
+  void SendTo(std::uint64_t viewer, std::string json);
   // Pictures were lost before they came here: nobody can decode on before the next key frame.
   void AfterGap();
   // Closes who stalls or is silent.
@@ -57,6 +59,10 @@ class ViewerHub {
   void CountSubscribers();
   void WishKeyFrame() { key_frame_wished_.store(true, std::memory_order_relaxed); }
   [[nodiscard]] std::string HelloText(WatchRole role) const;
+  // The newest `scene` message; null while there is none.
+  [[nodiscard]] const std::shared_ptr<const std::string>& scene_text() const { return scene_text_; }
+  // A number for a new viewer, > 0.
+  [[nodiscard]] std::uint64_t NextViewerId() { return ++last_viewer_id_; }
   [[nodiscard]] const std::string& state() const { return state_; }
   [[nodiscard]] const GatewayConfig& config() const { return config_; }
 
@@ -72,6 +78,8 @@ class ViewerHub {
   std::vector<std::shared_ptr<ViewerConnection>> viewers_;
   std::vector<std::shared_ptr<ViewerConnection>> strangers_;
   WatchHello hello_;
+  std::shared_ptr<const std::string> scene_text_;
+  std::uint64_t last_viewer_id_ = 0;
   std::string state_;
   std::array<std::atomic<int>, kWatchStreams + 1> subscribers_{};  // the last: to meshes
   StandingMeshes standing_meshes_;

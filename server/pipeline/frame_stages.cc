@@ -10,6 +10,8 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
+#include "proto/base/check.h"
+
 namespace mixstage {
 
 // The stages that the frame thread runs. Static members of a friend: the studio's workers are theirs and
@@ -65,10 +67,11 @@ std::span<const StageInfo> AllStages() { return kInfos; }
 
 Studio::Studio(StudioSetup setup)
     : rig_(std::move(setup.rig)),
-      scene_(std::move(setup.scene)),
       poses_(std::move(setup.poses)),
       device_(std::move(setup.device)),
-      renderer_name_(device_.Name()) {}
+      renderer_name_(device_.Name()) {
+  if (setup.scene) scene_ = std::make_shared<const Scene>(std::move(*setup.scene));
+}
 
 RigidTransform Studio::TSceneColor(const Frame& frame) const {
   return scene_ && scene_->frame == SceneFrame::kCamera ? RigidTransform::Identity() : frame.T_world_color;
@@ -138,6 +141,12 @@ void Studio::UseRoom(std::shared_ptr<const BackgroundModel> room, RoomState stat
   cv::resize(room_->sigma_m, full, blocks, 0, 0, cv::INTER_NEAREST);
   depth.sigma_m = full(cv::Rect({0, 0}, size)).clone();
   room_depth_ = std::move(depth);
+}
+
+void Studio::SetScene(std::shared_ptr<const Scene> scene) {
+  MIX_CHECK(scene != nullptr && scene_ != nullptr && scene->frame == scene_->frame);
+  scene_ = std::move(scene);
+  illumination_ = IlluminationOf(*scene_);
 }
 
 cv::Mat1f Studio::WarpDepth(const CapturedFrame& captured) {

@@ -31,7 +31,7 @@ MeshJob MakeMeshJob(const Studio& studio, std::shared_ptr<const Frame> frame) {
   MeshJob job{.actor_depth_m = frame->actor_depth_m.clone(),
               .T_scene_color = studio.TSceneColor(*frame),
               .room = studio.room()};
-  if (const Scene* scene = studio.scene()) {
+  if (const auto& scene = studio.scene()) {
     for (const SceneObject& object : scene->objects) job.objects.push_back({object.id, object.mesh});
   }
   job.frame = std::move(frame);
