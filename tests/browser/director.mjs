@@ -20,11 +20,12 @@ const kFlags = [
 // What Chromium itself says when a server is away. Everything else on the console is a fault of the page.
 const kExpectedNoise = /WebSocket connection to .* failed|net::ERR_CONNECTION_REFUSED/;
 
-export function launch() {
+/** `flags`: beside the usual ones. */
+export function launch(flags = []) {
   return chromium.launch({
     executablePath: process.env.CHROMIUM ?? '/usr/bin/chromium',
     headless: true,
-    args: kFlags,
+    args: [...kFlags, ...flags],
   });
 }
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Pictures for the page without any camera or encoder: a ray-cast room with boxes in it, as H.264 that is nothing but
-// uncompressed macroblocks (I_PCM), 8-bit colour and 10-bit depth.
+// uncompressed macroblocks (I_PCM), 8-bit colour and 10-bit depth. Run as a worker it answers {camera, boxes, count}
+// with both streams' access units: the ray caster takes its time, and nothing else shall wait for it.
+import { isMainThread, parentPort } from 'node:worker_threads';
 
 /** Bits, most significant first, with the Exp-Golomb codes of H.264. */
 class BitWriter {
@@ -78,7 +80,7 @@ function parameterSets(width, height, bits) {
 }
 
 /** A key frame of planes (4:2:0, one number a sample). `count` tells one from the next. */
-export function accessUnit({ width, height, bits, planes }, count) {
+function accessUnit({ width, height, bits, planes }, count) {
   const slice = new BitWriter();
   slice.ue(0, 7, 0);
   slice.bits(0, 4);
@@ -89,9 +91,13 @@ export function accessUnit({ width, height, bits, planes }, count) {
   const block = (plane, stride, x0, y0, side) => {
     for (let y = 0; y < side; ++y)
       for (let x = 0; x < side; ++x) {
-        const value = plane[(y0 + y) * stride + x0 + x];
-        if (bits === 8) slice.bytes.push(value);
-        else slice.bits(value, bits);
+        const at = (y0 + y) * stride + x0 + x;
+        if (bits === 8) slice.bytes.push(plane[at]);
+        else if (x % 4 === 0) {
+          // Four samples of ten bits are five bytes.
+          const [a, b, c, d] = [plane[at], plane[at + 1], plane[at + 2], plane[at + 3]];
+          slice.bytes.push(a >> 2, ((a & 3) << 6) | (b >> 4), ((b & 15) << 4) | (c >> 6), ((c & 63) << 2) | (d >> 8), d & 255);
+        }
       }
   };
   for (let y = 0; y < height; y += 16)
@@ -112,12 +118,23 @@ export const kRange = { near_m: 1, far_m: 8 };
 
 /** Where a ray enters a box and which axis' face it meets there; leaves it, if `inside`. */
 function meetBox(from, along, low, high, inside) {
-  let [enter, leave, enter_axis, leave_axis] = [-Infinity, Infinity, 0, 0];
+  let enter = -Infinity;
+  let leave = Infinity;
+  let enter_axis = 0;
+  let leave_axis = 0;
   for (let axis = 0; axis < 3; ++axis) {
     const a = (low[axis] - from[axis]) / along[axis];
     const b = (high[axis] - from[axis]) / along[axis];
-    if (Math.min(a, b) > enter) [enter, enter_axis] = [Math.min(a, b), axis];
-    if (Math.max(a, b) < leave) [leave, leave_axis] = [Math.max(a, b), axis];
+    const first = Math.min(a, b);
+    const last = Math.max(a, b);
+    if (first > enter) {
+      enter = first;
+      enter_axis = axis;
+    }
+    if (last < leave) {
+      leave = last;
+      leave_axis = axis;
+    }
   }
   if (inside) return { t: leave, axis: leave_axis };
   return enter < leave && enter > 0 ? { t: enter, axis: enter_axis } : null;
@@ -133,17 +150,21 @@ function roomColor(point, axis) {
 /** One pixel: colour, z along the optical axis, whether it is the actor. `boxes` are upright, in the world. */
 function cast(camera, boxes, u, v) {
   const { T, fx, fy, cx, cy } = camera;
-  const d = [(u - cx) / fx, (v - cy) / fy, 1];
-  const along = [0, 1, 2].map((row) => T[4 * row] * d[0] + T[4 * row + 1] * d[1] + T[4 * row + 2] * d[2]);
+  const x = (u - cx) / fx;
+  const y = (v - cy) / fy;
+  const along = [T[0] * x + T[1] * y + T[2], T[4] * x + T[5] * y + T[6], T[8] * x + T[9] * y + T[10]];
   const from = [T[3], T[7], T[11]];
   const low = [kRoom.x[0] - 4, kRoom.y[0], kRoom.z[0]];
   const wall = meetBox(from, along, low, [kRoom.x[1], kRoom.y[1], kRoom.z[1]], true);
   let best = { ...wall, color: null, actor: false };
   for (const { base, half, height, turn_rad, color, actor } of boxes) {
-    const [c, s] = [Math.cos(turn_rad), Math.sin(turn_rad)];
-    const local = (p) => [c * p[0] + s * p[1], -s * p[0] + c * p[1], p[2]];
-    const at = local([from[0] - base[0], from[1] - base[1], from[2] - base[2]]);
-    const hit = meetBox(at, local(along), [-half, -half, 0], [half, half, height], false);
+    const c = Math.cos(turn_rad);
+    const s = Math.sin(turn_rad);
+    const px = from[0] - base[0];
+    const py = from[1] - base[1];
+    const at = [c * px + s * py, c * py - s * px, from[2] - base[2]];
+    const way = [c * along[0] + s * along[1], c * along[1] - s * along[0], along[2]];
+    const hit = meetBox(at, way, [-half, -half, 0], [half, half, height], false);
     if (hit !== null && hit.t < best.t) best = { ...hit, color, actor };
   }
   const point = from.map((value, axis) => value + best.t * along[axis]);
@@ -153,7 +174,7 @@ function cast(camera, boxes, u, v) {
 }
 
 /** Colour and depth of the scene from a camera. */
-export function render(camera, boxes) {
+function render(camera, boxes) {
   const { width, height } = camera;
   const half = (width / 2) * (height / 2);
   const color = [new Uint8Array(width * height), new Uint8Array(half), new Uint8Array(half)];
@@ -174,3 +195,9 @@ export function render(camera, boxes) {
     }
   return { color: { width, height, bits: 8, planes: color }, depth: { width, height, bits: 10, planes: depth } };
 }
+
+if (!isMainThread && parentPort !== null)
+  parentPort.on('message', ({ camera, boxes, count }) => {
+    const { color, depth } = render(camera, boxes);
+    parentPort.postMessage({ color: accessUnit(color, count), depth: accessUnit(depth, count) });
+  });

@@ -10,8 +10,9 @@ import { createServer } from 'node:http';
 import { extname, join, normalize } from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { parseArgs } from 'node:util';
+import { Worker } from 'node:worker_threads';
 import { actorMesh, boxMesh, meshMessage, pictureMessage, roomMesh } from './fake_mesh.mjs';
-import { accessUnit, kRange, render } from './fake_picture.mjs';
+import { kRange } from './fake_picture.mjs';
 import { FakeScene } from './fake_scene.mjs';
 
 export const kDirectorToken = 'director'.padEnd(43, '_');
@@ -38,7 +39,7 @@ const kCamera = {
   cy: 143.5,
   T: [0, -kSin, kCos, -0.6, -1, 0, 0, 0, 0, -kCos, -kSin, 1.6],
 };
-const kPicturesEvery_ms = 250;
+const kPicturesEvery_ms = 400;
 const kMeshesEvery_ms = 160;
 
 /** One message as a WebSocket frame from a server. */
@@ -137,12 +138,16 @@ export class FakeShow {
   scene = new FakeScene(kCamera);
   #frame = 0;
   #timers = [];
+  #painter = new Worker(new URL('./fake_picture.mjs', import.meta.url));
+  #painting = false;
+  #painted_us = 0;
   #started_ms = Date.now();
 
   constructor({ page, login = false, pictures = true }) {
     this.login = login;
     this.pictures = pictures;
     this.server = createServer((request, response) => this.#answer(page, request, response));
+    this.#painter.on('message', (pictures) => this.#givePictures(pictures));
     this.server.on('upgrade', (request, socket) => this.#upgrade(request, socket));
   }
 
@@ -150,7 +155,7 @@ export class FakeShow {
     return new Promise((resolve) => {
       this.server.listen(port, '127.0.0.1', () => {
         this.#timers = [
-          setInterval(() => this.#givePictures(), kPicturesEvery_ms),
+          setInterval(() => this.#paint(), kPicturesEvery_ms),
           setInterval(() => this.#giveActor(), kMeshesEvery_ms),
           setInterval(() => this.#tell(this.#stats()), 500),
         ];
@@ -162,6 +167,7 @@ export class FakeShow {
   close() {
     this.#timers.forEach(clearInterval);
     for (const viewer of this.viewers) viewer.socket.destroy();
+    void this.#painter.terminate();
     this.server.close();
     this.server.closeAllConnections();
   }
@@ -218,16 +224,21 @@ export class FakeShow {
     for (const viewer of takers) viewer.give(message);
   }
 
-  #givePictures() {
-    if (!this.pictures || this.state !== 'live' || this.viewers.size === 0) return;
+  #paint() {
+    if (!this.pictures || this.#painting || this.state !== 'live' || this.viewers.size === 0) return;
+    this.#painting = true;
     this.#frame += 1;
     const [x, y] = this.#actor;
     const actor = { base: [x, y, 0], half: 0.2, height: 1.75, turn_rad: 0, color: [150, 72, 66], actor: true };
-    const now_us = this.now_us;
-    const { color, depth } = render(kCamera, [...this.scene.boxes, actor]);
+    this.#painted_us = this.now_us;
+    this.#painter.postMessage({ camera: kCamera, boxes: [...this.scene.boxes, actor], count: this.#frame });
+  }
+
+  #givePictures({ color, depth }) {
+    this.#painting = false;
     const messages = {
-      color: pictureMessage(1, this.#frame, now_us, accessUnit(color, this.#frame)),
-      depth: pictureMessage(2, this.#frame, now_us, accessUnit(depth, this.#frame), kRange),
+      color: pictureMessage(1, this.#frame, this.#painted_us, Buffer.from(color)),
+      depth: pictureMessage(2, this.#frame, this.#painted_us, Buffer.from(depth), kRange),
     };
     for (const viewer of this.viewers)
       for (const [stream, message] of Object.entries(messages))
