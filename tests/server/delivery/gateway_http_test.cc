@@ -44,10 +44,9 @@ TEST_F(GatewayHttp, ServesThePageWithItsTypesAndGuards) {
     EXPECT_NE(page.find("<title>MixStage</title>"), std::string::npos);
     EXPECT_NE(page.find("Content-Type: text/html; charset=utf-8\r\n"), std::string::npos);
     EXPECT_NE(page.find("Cache-Control: no-store\r\n"), std::string::npos);
-    EXPECT_NE(
-        page.find("Content-Security-Policy: default-src 'self'; img-src 'self' data:; connect-src 'self'; "
-                  "worker-src 'self'; style-src 'self'\r\n"),
-        std::string::npos);
+    EXPECT_NE(page.find("Content-Security-Policy: default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; "
+                        "img-src 'self' data:; connect-src 'self'; worker-src 'self'; style-src 'self'\r\n"),
+              std::string::npos);
     EXPECT_NE(page.find("X-Content-Type-Options: nosniff\r\n"), std::string::npos);
     EXPECT_NE(page.find("Referrer-Policy: no-referrer\r\n"), std::string::npos);
   }
