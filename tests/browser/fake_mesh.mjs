@@ -17,8 +17,21 @@ function encode(quads) {
   const faces = quads.flatMap((_, index) => [0, 1, 2, 0, 2, 3].map((corner) => 4 * index + corner));
   builder.AddFacesToMesh(mesh, 2 * quads.length, new Uint32Array(faces));
   const floats = (of) => new Float32Array(quads.flatMap((quad) => of(quad).flat()));
-  builder.AddFloatAttribute(mesh, draco.POSITION, points, 3, floats(({ corners }) => corners));
-  if (quads[0].uvs) builder.AddFloatAttribute(mesh, draco.TEX_COORD, points, 2, floats(({ uvs }) => uvs));
+  builder.AddFloatAttribute(
+    mesh,
+    draco.POSITION,
+    points,
+    3,
+    floats(({ corners }) => corners),
+  );
+  if (quads[0].uvs)
+    builder.AddFloatAttribute(
+      mesh,
+      draco.TEX_COORD,
+      points,
+      2,
+      floats(({ uvs }) => uvs),
+    );
   if (quads[0].normal) {
     const normals = floats(({ normal }) => [normal, normal, normal, normal]);
     builder.AddFloatAttribute(mesh, draco.NORMAL, points, 3, normals);
@@ -73,10 +86,42 @@ export function roomMesh() {
   ];
   const quads = [
     // The far wall, the floor, left and right wall; texture out of the program picture of the demonstration.
-    { corners: [[x[1], y[1], 0], [x[1], y[0], 0], [x[1], y[0], z[1]], [x[1], y[1], z[1]]], uvs: uvs(0.1, 0.5, 0.12, 0.5) },
-    { corners: [[1, y[1], 0], [1, y[0], 0], [x[1], y[0], 0], [x[1], y[1], 0]], uvs: uvs(0.1, 0.5, 0.72, 0.88) },
-    { corners: [[1, y[1], 0], [x[1], y[1], 0], [x[1], y[1], z[1]], [1, y[1], z[1]]], uvs: uvs(0.02, 0.1, 0.12, 0.5) },
-    { corners: [[x[1], y[0], 0], [1, y[0], 0], [1, y[0], z[1]], [x[1], y[0], z[1]]], uvs: uvs(0.5, 0.56, 0.12, 0.5) },
+    {
+      corners: [
+        [x[1], y[1], 0],
+        [x[1], y[0], 0],
+        [x[1], y[0], z[1]],
+        [x[1], y[1], z[1]],
+      ],
+      uvs: uvs(0.1, 0.5, 0.12, 0.5),
+    },
+    {
+      corners: [
+        [1, y[1], 0],
+        [1, y[0], 0],
+        [x[1], y[0], 0],
+        [x[1], y[1], 0],
+      ],
+      uvs: uvs(0.1, 0.5, 0.72, 0.88),
+    },
+    {
+      corners: [
+        [1, y[1], 0],
+        [x[1], y[1], 0],
+        [x[1], y[1], z[1]],
+        [1, y[1], z[1]],
+      ],
+      uvs: uvs(0.02, 0.1, 0.12, 0.5),
+    },
+    {
+      corners: [
+        [x[1], y[0], 0],
+        [1, y[0], 0],
+        [1, y[0], z[1]],
+        [x[1], y[0], z[1]],
+      ],
+      uvs: uvs(0.5, 0.56, 0.12, 0.5),
+    },
   ];
   return { mesh: encode(quads), texture: kTexture };
 }
@@ -104,11 +149,51 @@ export function boxMesh({ half, height, color }) {
   const face = (normal, corners) => ({ normal, corners, color });
   return {
     mesh: encode([
-      face([0, 0, 1], [[-h, -h, height], [h, -h, height], [h, h, height], [-h, h, height]]),
-      face([0, -1, 0], [[-h, -h, 0], [h, -h, 0], [h, -h, height], [-h, -h, height]]),
-      face([1, 0, 0], [[h, -h, 0], [h, h, 0], [h, h, height], [h, -h, height]]),
-      face([0, 1, 0], [[h, h, 0], [-h, h, 0], [-h, h, height], [h, h, height]]),
-      face([-1, 0, 0], [[-h, h, 0], [-h, -h, 0], [-h, -h, height], [-h, h, height]]),
+      face(
+        [0, 0, 1],
+        [
+          [-h, -h, height],
+          [h, -h, height],
+          [h, h, height],
+          [-h, h, height],
+        ],
+      ),
+      face(
+        [0, -1, 0],
+        [
+          [-h, -h, 0],
+          [h, -h, 0],
+          [h, -h, height],
+          [-h, -h, height],
+        ],
+      ),
+      face(
+        [1, 0, 0],
+        [
+          [h, -h, 0],
+          [h, h, 0],
+          [h, h, height],
+          [h, -h, height],
+        ],
+      ),
+      face(
+        [0, 1, 0],
+        [
+          [h, h, 0],
+          [-h, h, 0],
+          [-h, h, height],
+          [h, h, height],
+        ],
+      ),
+      face(
+        [-1, 0, 0],
+        [
+          [-h, h, 0],
+          [-h, -h, 0],
+          [-h, -h, height],
+          [-h, h, height],
+        ],
+      ),
     ]),
   };
 }

@@ -96,7 +96,13 @@ function accessUnit({ width, height, bits, planes }, count) {
         else if (x % 4 === 0) {
           // Four samples of ten bits are five bytes.
           const [a, b, c, d] = [plane[at], plane[at + 1], plane[at + 2], plane[at + 3]];
-          slice.bytes.push(a >> 2, ((a & 3) << 6) | (b >> 4), ((b & 15) << 4) | (c >> 6), ((c & 63) << 2) | (d >> 8), d & 255);
+          slice.bytes.push(
+            a >> 2,
+            ((a & 3) << 6) | (b >> 4),
+            ((b & 15) << 4) | (c >> 6),
+            ((c & 63) << 2) | (d >> 8),
+            d & 255,
+          );
         }
       }
   };
@@ -193,7 +199,10 @@ function render(camera, boxes) {
       color[2][at] = 128 + 0.5 * r - 0.4187 * g - 0.0813 * b;
       depth[1][at] = actor ? 1020 : 0;
     }
-  return { color: { width, height, bits: 8, planes: color }, depth: { width, height, bits: 10, planes: depth } };
+  return {
+    color: { width, height, bits: 8, planes: color },
+    depth: { width, height, bits: 10, planes: depth },
+  };
 }
 
 if (!isMainThread && parentPort !== null)

@@ -51,14 +51,19 @@ const kLooksChecks = {
     const [object] = (await scene(director)).objects;
     await director.page.waitForTimeout(2000);
     show.edit({ op: 'move', object: object.id, position: [4, 0.2, 0] }, 'anna');
-    await director.until('the notice', () => /anna/.test(document.querySelector('[data-testid="scene-notice"]').textContent));
+    await director.until('the notice', () =>
+      /anna/.test(document.querySelector('[data-testid="scene-notice"]').textContent),
+    );
     assert.equal(await director.text('scene-notice'), `anna moved ${object.name}`);
     await director.shoot('anna');
   },
   'a drag sends no more than the server bears': async ({ director, show }) => {
     const sent = show.heard.filter(({ type }) => type === 'edit');
     assert.ok(sent.some(({ live }) => live === true) && sent.some(({ live }) => live === false));
-    assert.ok(sent.every(({ id }, index) => index === 0 || id > sent[index - 1].id), 'ids rise');
+    assert.ok(
+      sent.every(({ id }, index) => index === 0 || id > sent[index - 1].id),
+      'ids rise',
+    );
   },
   'nothing was refused and the console stayed empty': async ({ director }) => {
     assert.equal(await director.value('refused'), '0', await director.value('trouble'));
@@ -75,7 +80,10 @@ const kLoginChecks = {
   'a wrong token is told to be wrong': async ({ director }) => {
     await director.find('token').fill('x'.repeat(43));
     await director.find('login-button').click();
-    await director.until('the sentence', () => document.querySelector('[data-testid="login-wrong"]').textContent !== '');
+    await director.until(
+      'the sentence',
+      () => document.querySelector('[data-testid="login-wrong"]').textContent !== '',
+    );
     await director.shoot('wrong_token');
   },
   'a viewer sees everything but handles': async ({ director }) => {
@@ -102,7 +110,10 @@ const kLoginChecks = {
     assert.equal(await director.page.evaluate(() => sessionStorage.length), 0);
     await director.find('token').fill(kDirectorToken);
     await director.page.keyboard.press('Enter');
-    await director.until('a handle', () => document.querySelector('[data-testid="save"]')?.checkVisibility() === true);
+    await director.until(
+      'a handle',
+      () => document.querySelector('[data-testid="save"]')?.checkVisibility() === true,
+    );
     assert.equal(await director.text('user'), 'anna');
   },
 };
@@ -110,7 +121,9 @@ const kLoginChecks = {
 const kNoWebGlChecks = {
   'a browser without WebGL 2 shows everything else': async ({ director }) => {
     await director.until('a first picture', () => Number(document.documentElement.dataset.frames) > 0);
-    await director.until('the sentence', () => /WebGL/.test(document.querySelector('[data-testid="pane-room"]').textContent));
+    await director.until('the sentence', () =>
+      /WebGL/.test(document.querySelector('[data-testid="pane-room"]').textContent),
+    );
     await director.shoot('no_webgl');
   },
 };
@@ -151,7 +164,9 @@ async function main() {
   const bare = await launch(['--disable-3d-apis']);
   await visit(bare, new FakeShow({ page }), shots, kNoWebGlChecks);
   await bare.close();
-  console.log(failures === 0 ? `all passed; pictures in ${shots}` : `${failures} failed; pictures in ${shots}`);
+  console.log(
+    failures === 0 ? `all passed; pictures in ${shots}` : `${failures} failed; pictures in ${shots}`,
+  );
   process.exit(failures === 0 ? 0 : 1);
 }
 

@@ -33,7 +33,14 @@ export class FakeScene {
       { id: 2, file: 'vase.glb', base: [4.3, -0.9, 0], turn_deg: 0, hidden: false },
     ],
     lights: [
-      { id: 1, name: 'ceiling', kind: 'area', position: [3.4, 0.3, 2.6], color: [1, 0.89, 0.71], intensity: 6 },
+      {
+        id: 1,
+        name: 'ceiling',
+        kind: 'area',
+        position: [3.4, 0.3, 2.6],
+        color: [1, 0.89, 0.71],
+        intensity: 6,
+      },
       { id: 2, name: 'window', kind: 'directional', color: [0.69, 0.85, 1], intensity: 0.25 },
     ],
   };
@@ -51,7 +58,12 @@ export class FakeScene {
   get boxes() {
     return this.state.objects
       .filter(({ hidden }) => !hidden)
-      .map(({ base, turn_deg, file }) => ({ ...kModels[file], base, turn_rad: (turn_deg * Math.PI) / 180, actor: false }));
+      .map(({ base, turn_deg, file }) => ({
+        ...kModels[file],
+        base,
+        turn_rad: (turn_deg * Math.PI) / 180,
+        actor: false,
+      }));
   }
 
   message() {
@@ -135,7 +147,8 @@ export class FakeScene {
       case 'light': {
         const light = this.state.lights.find(({ id }) => id === edit.light);
         if (light === undefined) return `There is no light ${edit.light}.`;
-        for (const key of ['position', 'color', 'intensity']) if (edit[key] !== undefined) light[key] = edit[key];
+        for (const key of ['position', 'color', 'intensity'])
+          if (edit[key] !== undefined) light[key] = edit[key];
         return null;
       }
       case 'undo':

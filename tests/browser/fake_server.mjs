@@ -117,14 +117,17 @@ class FakeViewer {
       this.user = user;
       return this.welcome();
     }
-    if (message.type === 'ping') this.say({ type: 'pong', viewer_us: message.viewer_us, server_us: this.show.now_us });
+    if (message.type === 'ping')
+      this.say({ type: 'pong', viewer_us: message.viewer_us, server_us: this.show.now_us });
     if (message.type === 'subscribe') {
       this.streams = new Set(message.streams);
       if (this.streams.has('mesh')) this.show.giveMeshes(this);
     }
     if (message.type !== 'edit') return;
     const refusal =
-      this.user[1] === 'director' ? this.show.edit(message, this.user[0]) : 'Only a director may change the scene.';
+      this.user[1] === 'director'
+        ? this.show.edit(message, this.user[0])
+        : 'Only a director may change the scene.';
     if (refusal !== null) this.say({ type: 'refused', id: message.id, reason: refusal });
   }
 }
@@ -229,7 +232,14 @@ export class FakeShow {
     this.#painting = true;
     this.#frame += 1;
     const [x, y] = this.#actor;
-    const actor = { base: [x, y, 0], half: 0.2, height: 1.75, turn_rad: 0, color: [150, 72, 66], actor: true };
+    const actor = {
+      base: [x, y, 0],
+      half: 0.2,
+      height: 1.75,
+      turn_rad: 0,
+      color: [150, 72, 66],
+      actor: true,
+    };
     this.#painted_us = this.now_us;
     this.#painter.postMessage({ camera: kCamera, boxes: [...this.scene.boxes, actor], count: this.#frame });
   }
@@ -250,7 +260,14 @@ export class FakeShow {
   }
 
   #stats() {
-    const stages = { receive: [2, 2.1], warp_depth: [3, 2.2], key: [6, 5.1], render_cg: [8, 5.9], z_key: [6, 4.2], encode: [9, 7.8] };
+    const stages = {
+      receive: [2, 2.1],
+      warp_depth: [3, 2.2],
+      key: [6, 5.1],
+      render_cg: [8, 5.9],
+      z_key: [6, 4.2],
+      encode: [9, 7.8],
+    };
     const agent = { age_s: 0.2, color_fps: 30, depth_fps: 12.5, drops: 0, queue: 0, encode_ms: 2.1 };
     return {
       type: 'stats',
@@ -265,12 +282,26 @@ export class FakeShow {
       bitrate_bps: 4.1e6,
       viewers: this.viewers.size,
       drops: { late: 3, lost: 1 },
-      stages: Object.entries(stages).map(([name, [budget_ms, wall_ms]]) => ({ name, budget_ms, wall_ms, cpu_ms: wall_ms })),
+      stages: Object.entries(stages).map(([name, [budget_ms, wall_ms]]) => ({
+        name,
+        budget_ms,
+        wall_ms,
+        cpu_ms: wall_ms,
+      })),
       agents:
         this.state === 'no_agent'
           ? []
           : [
-              { ...agent, epoch: '0123456789abcdef', name: 'head-1', lost: 1, repaired: 212, slice_loss: 0.004, delay_ms: 1.2, recording: true },
+              {
+                ...agent,
+                epoch: '0123456789abcdef',
+                name: 'head-1',
+                lost: 1,
+                repaired: 212,
+                slice_loss: 0.004,
+                delay_ms: 1.2,
+                recording: true,
+              },
             ],
       depth_age_s: 0.04,
       recording: { active: true, seconds: this.now_us / 1e6, dropped: 0 },
@@ -283,7 +314,8 @@ export class FakeShow {
       response.writeHead(status, { 'Content-Type': type, 'Content-Security-Policy': kPolicy });
       response.end(body);
     };
-    if (path === '/healthz') return end(200, 'application/json', JSON.stringify({ status: 'ok', login: this.login }));
+    if (path === '/healthz')
+      return end(200, 'application/json', JSON.stringify({ status: 'ok', login: this.login }));
     if (path === '/login' && request.method === 'POST') {
       const user = kUsers[(request.headers.authorization ?? '').replace('Bearer ', '')];
       if (user === undefined) return end(401, 'text/plain', 'No such token.\n');

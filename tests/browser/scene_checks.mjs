@@ -70,11 +70,16 @@ export const kSceneChecks = {
     const [before] = (await scene(director)).objects;
     await director.find(`object-${before.id}`).click();
     const [u, v] = await ringMiddle(director);
-    await drag(director, await at(director, 'program-canvas', u, v - 0.02), await at(director, 'program-canvas', u - 0.12, v + 0.03));
+    await drag(
+      director,
+      await at(director, 'program-canvas', u, v - 0.02),
+      await at(director, 'program-canvas', u - 0.12, v + 0.03),
+    );
     const moved = await untilScene(
       director,
       'a moved object',
-      (now, old) => now.can_undo && Math.hypot(...now.objects[0].base.map((x, axis) => x - old.base[axis])) > 0.1,
+      (now, old) =>
+        now.can_undo && Math.hypot(...now.objects[0].base.map((x, axis) => x - old.base[axis])) > 0.1,
       before,
     );
     assert.ok(Math.abs(moved.objects[0].base[2] - before.base[2]) < 1e-3, 'it left the floor');
@@ -84,16 +89,36 @@ export const kSceneChecks = {
     assert.equal(await director.find('unsaved').isVisible(), true);
     await director.shoot('dragged');
     await director.page.keyboard.press('Control+z');
-    await untilScene(director, 'it back', (now, old) => Math.hypot(...now.objects[0].base.map((x, axis) => x - old.base[axis])) < 1e-3, before);
+    await untilScene(
+      director,
+      'it back',
+      (now, old) => Math.hypot(...now.objects[0].base.map((x, axis) => x - old.base[axis])) < 1e-3,
+      before,
+    );
     await director.page.keyboard.press('Control+Shift+Z');
-    await untilScene(director, 'it moved again', (now, old) => Math.hypot(...now.objects[0].base.map((x, axis) => x - old.base[axis])) > 0.1, before);
+    await untilScene(
+      director,
+      'it moved again',
+      (now, old) => Math.hypot(...now.objects[0].base.map((x, axis) => x - old.base[axis])) > 0.1,
+      before,
+    );
   },
   'brackets turn it': async ({ director }) => {
     const [before] = (await scene(director)).objects;
     await director.page.keyboard.press('[');
-    await untilScene(director, 'a turned object', (now, old) => JSON.stringify(now.objects[0].pose) !== JSON.stringify(old.pose), before);
+    await untilScene(
+      director,
+      'a turned object',
+      (now, old) => JSON.stringify(now.objects[0].pose) !== JSON.stringify(old.pose),
+      before,
+    );
     await director.page.keyboard.press('Control+z');
-    await untilScene(director, 'it turned back', (now, old) => now.objects[0].pose.every((x, index) => Math.abs(x - old.pose[index]) < 1e-6), before);
+    await untilScene(
+      director,
+      'it turned back',
+      (now, old) => now.objects[0].pose.every((x, index) => Math.abs(x - old.pose[index]) < 1e-6),
+      before,
+    );
   },
   'a model is added by a click into the program': async ({ director }) => {
     const { objects, models } = await scene(director);
@@ -103,7 +128,12 @@ export const kSceneChecks = {
     await director.find('add-menu').locator('button').first().click();
     assert.match(await director.text('placing'), new RegExp(models[0].replace('.', '\\.')));
     await director.page.mouse.click(...(await at(director, 'program-canvas', 0.35, 0.85)));
-    const now = await untilScene(director, 'one more object', (is, count) => is.objects.length > count, objects.length);
+    const now = await untilScene(
+      director,
+      'one more object',
+      (is, count) => is.objects.length > count,
+      objects.length,
+    );
     const added = now.objects.at(-1);
     await director.find(`object-${added.id}`).click();
     await director.until('its mesh', () => JSON.parse(document.documentElement.dataset.room).triangles > 0);
@@ -117,9 +147,19 @@ export const kSceneChecks = {
     await untilScene(director, 'it shown', (now) => !now.objects.at(-1).hidden);
     await director.find(`object-${last.id}`).click();
     await director.page.keyboard.press('Delete');
-    await untilScene(director, 'it gone', (now, id) => now.objects.every((object) => object.id !== id), last.id);
+    await untilScene(
+      director,
+      'it gone',
+      (now, id) => now.objects.every((object) => object.id !== id),
+      last.id,
+    );
     await director.page.keyboard.press('Control+z');
-    await untilScene(director, 'it back', (now, name) => now.objects.some((object) => object.name === name), last.name);
+    await untilScene(
+      director,
+      'it back',
+      (now, name) => now.objects.some((object) => object.name === name),
+      last.name,
+    );
   },
   'a lamp is dimmed by its slider': async ({ director }) => {
     const light = (await scene(director)).lights.find(({ intensity }) => intensity > 0);
@@ -137,7 +177,12 @@ export const kSceneChecks = {
     const [before] = (await scene(director)).objects;
     await director.find(`move-${before.id}`).focus();
     await director.page.keyboard.press('ArrowRight');
-    const now = await untilScene(director, 'it 5 cm further', (is, old) => JSON.stringify(is.objects[0].base) !== JSON.stringify(old.base), before);
+    const now = await untilScene(
+      director,
+      'it 5 cm further',
+      (is, old) => JSON.stringify(is.objects[0].base) !== JSON.stringify(old.base),
+      before,
+    );
     const step_m = Math.hypot(...now.objects[0].base.map((x, axis) => x - before.base[axis]));
     assert.ok(Math.abs(step_m - 0.05) < 1e-3, `${step_m} m`);
     await director.page.evaluate(() => document.activeElement?.blur());
@@ -185,7 +230,11 @@ export const kSceneChecks = {
     await director.page.waitForTimeout(1200);
     assert.deepEqual([(await room(director)).drawn, (await room(director)).meshes], [drawn, meshes]);
     await director.page.keyboard.press('4');
-    await director.until('meshes again', (old) => JSON.parse(document.documentElement.dataset.room).meshes > old, meshes);
+    await director.until(
+      'meshes again',
+      (old) => JSON.parse(document.documentElement.dataset.room).meshes > old,
+      meshes,
+    );
   },
   'the 3D view alone fills the page': async ({ director }) => {
     for (const key of ['1', '2', '3']) await director.page.keyboard.press(key);

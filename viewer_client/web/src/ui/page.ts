@@ -224,7 +224,8 @@ export class Page {
   }
 
   #takeReading(reading: ProbeReading | null): void {
-    for (const name of kPictureNames) this.#panes[name].setReading(readingText(reading), readingDetail(reading));
+    for (const name of kPictureNames)
+      this.#panes[name].setReading(readingText(reading), readingDetail(reading));
     this.#scale.setMark(reading?.z_m ?? null);
     publishReading(document.documentElement, reading);
   }

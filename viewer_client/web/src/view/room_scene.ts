@@ -1,5 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-import { AmbientLight, DirectionalLight, Group, Raycaster, Scene as Graph, Vector2, type Camera } from 'three';
+import {
+  AmbientLight,
+  DirectionalLight,
+  Group,
+  Raycaster,
+  Scene as Graph,
+  Vector2,
+  type Camera,
+} from 'three';
 import { Mesh, type Object3D } from 'three';
 import type { MeshData } from '../decode/draco_mesh';
 import type { Pinhole } from '../transport/control_message';
@@ -34,7 +42,14 @@ export class RoomScene {
 
   constructor() {
     this.#rig.matrixAutoUpdate = false;
-    this.graph.add(this.#surfaces, this.#marks, this.#rig, this.#path.line, this.#sun, new AmbientLight(0xffffff, 1.4));
+    this.graph.add(
+      this.#surfaces,
+      this.#marks,
+      this.#rig,
+      this.#path.line,
+      this.#sun,
+      new AmbientLight(0xffffff, 1.4),
+    );
   }
 
   setScene(scene: Scene): void {
