@@ -13,7 +13,7 @@ import type { MeshData } from '../decode/draco_mesh';
 import type { Pinhole } from '../transport/control_message';
 import type { Scene, SceneObject, Vector3 } from '../transport/scene';
 import { CameraPath } from './camera_path';
-import { dot, kIdentityPose, origin, type Pose } from './geometry';
+import { dot, origin, type Pose } from './geometry';
 import type { MeshParcel } from './room_messages';
 import { box, dispose, floorGrid, frustum, lightShape, matrixOf, ring, surface } from './room_shapes';
 
@@ -42,6 +42,7 @@ export class RoomScene {
 
   constructor() {
     this.#rig.matrixAutoUpdate = false;
+    this.#rig.visible = false;
     this.graph.add(
       this.#surfaces,
       this.#marks,
@@ -78,6 +79,7 @@ export class RoomScene {
 
   setPose(T_scene_color: Pose): void {
     this.#rig.matrix.copy(matrixOf(T_scene_color));
+    this.#rig.visible = true;
     this.#path.add(origin(T_scene_color));
   }
 
@@ -114,8 +116,7 @@ export class RoomScene {
     this.#lowest_m = null;
     for (const id of [...this.#objects.keys()]) this.#drop(id);
     this.#path.clear();
-    this.setPose(kIdentityPose);
-    this.#path.clear();
+    this.#rig.visible = false;
   }
 
   /** The nearest surface under a place of the pane, -1..1 right and up. */
