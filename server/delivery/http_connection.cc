@@ -21,8 +21,9 @@ using AsioError = boost::system::error_code;
 constexpr std::uint32_t kMaxHeaderBytes = 8192;
 constexpr std::chrono::seconds kSendTimeout(30);
 constexpr const char* kContentSecurityPolicy =
-    "default-src 'self'; img-src 'self' data:; connect-src 'self'; worker-src 'self'; style-src 'self'; "
-    "object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'";
+    "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; img-src 'self' data:; connect-src 'self'; "
+    "worker-src 'self'; style-src 'self'; object-src 'none'; base-uri 'none'; form-action 'self'; "
+    "frame-ancestors 'none'";
 constexpr const char* kTransportSecurity = "max-age=15552000";  // half a year
 
 std::string_view View(beast::string_view text) { return {text.data(), text.size()}; }

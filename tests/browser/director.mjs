@@ -20,11 +20,12 @@ const kFlags = [
 // What Chromium itself says when a server is away. Everything else on the console is a fault of the page.
 const kExpectedNoise = /WebSocket connection to .* failed|net::ERR_CONNECTION_REFUSED/;
 
-export function launch() {
+/** `flags`: beside the usual ones. */
+export function launch(flags = []) {
   return chromium.launch({
     executablePath: process.env.CHROMIUM ?? '/usr/bin/chromium',
     headless: true,
-    args: kFlags,
+    args: [...kFlags, ...flags],
   });
 }
 
@@ -55,6 +56,7 @@ export class Director {
     this.url = url;
     this.shots = shots;
     this.errors = [];
+    this.patience_ms = 30000;
     this.requests = [];
     page.on('pageerror', (error) => this.errors.push(error.message));
     page.on('request', (request) => this.requests.push(request.url()));
@@ -81,7 +83,7 @@ export class Director {
     return Number(await this.value(name));
   }
 
-  async until(what, predicate, argument = null, timeout = 30000) {
+  async until(what, predicate, argument = null, timeout = this.patience_ms) {
     try {
       return await this.page.waitForFunction(predicate, argument, { timeout, polling: 50 });
     } catch {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 import { defineConfig } from 'vite';
 
-// The server sends `default-src 'self'`: nothing may be inlined into the HTML and nothing fetched from elsewhere.
+// The server sends `default-src 'self'`, and WebAssembly is all that its scripts may evaluate: nothing may be inlined into the HTML and nothing fetched from elsewhere.
 export default defineConfig({
   base: './',
   build: {
@@ -9,9 +9,16 @@ export default defineConfig({
     assetsInlineLimit: 0,
     modulePreload: { polyfill: false },
     emptyOutDir: true,
+    // Draco's decoder asks for these under Node only.
+    commonjsOptions: { ignore: ['node:fs', 'node:path', 'fs', 'path'] },
   },
   worker: { format: 'es' },
   server: {
-    proxy: { '/watch': { target: process.env['MIXSTAGE_SERVER'] ?? 'http://127.0.0.1:8080', ws: true } },
+    proxy: Object.fromEntries(
+      ['/watch', '/login', '/healthz'].map((path) => [
+        path,
+        { target: process.env['MIXSTAGE_SERVER'] ?? 'http://127.0.0.1:8080', ws: path === '/watch' },
+      ]),
+    ),
   },
 });

@@ -46,8 +46,9 @@ TEST_F(GatewayHttp, ServesThePageWithItsTypesAndGuards) {
     EXPECT_NE(page.find("Cache-Control: no-store\r\n"), std::string::npos);
     EXPECT_NE(page.find("Content-Security-Policy: default-src 'self';"), std::string::npos);
     for (const char* directive :
-         {"img-src 'self' data:", "connect-src 'self'", "worker-src 'self'", "style-src 'self'",
-          "object-src 'none'", "base-uri 'none'", "form-action 'self'", "frame-ancestors 'none'"})
+         {"script-src 'self' 'wasm-unsafe-eval'", "img-src 'self' data:", "connect-src 'self'",
+          "worker-src 'self'", "style-src 'self'", "object-src 'none'", "base-uri 'none'",
+          "form-action 'self'", "frame-ancestors 'none'"})
       EXPECT_NE(page.find(directive), std::string::npos) << directive;
     EXPECT_NE(page.find("X-Content-Type-Options: nosniff\r\n"), std::string::npos);
     EXPECT_NE(page.find("Referrer-Policy: no-referrer\r\n"), std::string::npos);

@@ -57,7 +57,11 @@ describe('the Draco reader', () => {
 
   it('says what is no mesh', async () => {
     const draco = reader();
-    for (const bytes of [new Uint8Array(0), new Uint8Array(10), new TextEncoder().encode('DRACO is not here')])
+    for (const bytes of [
+      new Uint8Array(0),
+      new Uint8Array(10),
+      new TextEncoder().encode('DRACO is not here'),
+    ])
       expect((await draco.decode(bytes)).ok).toBe(false);
   });
 

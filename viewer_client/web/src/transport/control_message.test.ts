@@ -101,7 +101,10 @@ describe('a control message', () => {
     const decoded = decodeControlMessage('{"type":"hello","protocol":2}');
     expect(decoded).toEqual({
       ok: true,
-      value: { type: 'hello', hello: { protocol: 2, name: '', server_us: 0, streams: [], role: 'viewer', camera: null } },
+      value: {
+        type: 'hello',
+        hello: { protocol: 2, name: '', server_us: 0, streams: [], role: 'viewer', camera: null },
+      },
     });
   });
 
@@ -148,7 +151,11 @@ describe('a control message', () => {
     const decoded = decodeControlMessage(JSON.stringify({ ...rest, agents: [agent] }));
     if (!decoded.ok || decoded.value.type !== 'stats') throw new Error('refused');
     expect(decoded.value.stats.recording).toBeNull();
-    expect(decoded.value.stats.agents[0]).toMatchObject({ slice_loss: null, delay_ms: null, recording: null });
+    expect(decoded.value.stats.agents[0]).toMatchObject({
+      slice_loss: null,
+      delay_ms: null,
+      recording: null,
+    });
     const { role: _role, camera: _camera, ...hello } = kHello;
     const greeted = decodeControlMessage(JSON.stringify(hello));
     if (!greeted.ok || greeted.value.type !== 'hello') throw new Error('refused');
@@ -171,7 +178,9 @@ describe('a control message', () => {
     expect(reasonOf({ ...kScene, up: [0, 0, 2] })).toBe('scene: up is not of length 1');
     expect(reasonOf({ ...kScene, frame: 'moon' })).toBe('scene: frame is neither world nor camera');
     expect(reasonOf({ ...kScene, models: [7] })).toBe('scene: models[0] is not text');
-    expect(reasonOf({ ...kScene, lights: [{ ...kLight, intensity: -1 }] })).toBe('scene: intensity is negative');
+    expect(reasonOf({ ...kScene, lights: [{ ...kLight, intensity: -1 }] })).toBe(
+      'scene: intensity is negative',
+    );
   });
 
   it('reads a light from far away, which stands nowhere', () => {

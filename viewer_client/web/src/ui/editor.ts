@@ -189,16 +189,18 @@ export class Editor {
       if (this.#selected !== null && this.may_edit) this.#begin(this.#selected, u, v, { u, v });
       return this.#drag !== null;
     }
-    return this.#pick(view, u, v);
+    if (this.#take(view, u, v)) return this.#drag !== null;
+    this.select(null);
+    return false;
   }
 
   dragProgram(u: number, v: number): void {
     this.#continue(u, v, (object, at) => ({ op: 'move', object, u: at.u, v: at.v, on: 'floor' }));
   }
 
-  /** A press into the 3D pane; says whether it took hold of an object. */
+  /** A press into the 3D pane; says whether the pointer now drags an object: else it turns the view. */
   pressRoom(view: Viewpoint, u: number, v: number): boolean {
-    return this.#pick(view, u, v);
+    return this.#take(view, u, v) && this.#drag !== null;
   }
 
   dragRoom(view: Viewpoint, u: number, v: number): void {
@@ -218,11 +220,12 @@ export class Editor {
     if (drag !== null && drag.last !== null) this.#sender.settle(drag.last);
   }
 
-  #pick(view: Viewpoint, u: number, v: number): boolean {
+  /** Selects what lies under the pixel, and begins to drag it where that is allowed. False: nothing lies there. */
+  #take(view: Viewpoint, u: number, v: number): boolean {
     const object = pickObject(this.#scene?.objects ?? [], view, u, v);
-    this.select(object?.id ?? null);
-    if (object === null || !this.may_edit) return false;
-    this.#begin(object.id, u, v, project(view, object.base) ?? { u, v });
+    if (object === null) return false;
+    this.select(object.id);
+    if (this.may_edit) this.#begin(object.id, u, v, project(view, object.base) ?? { u, v });
     return true;
   }
 

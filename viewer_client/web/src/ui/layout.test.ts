@@ -72,9 +72,9 @@ describe('the layout', () => {
   });
 
   it('puts the strip below in a tall window', () => {
-    expect(layoutOf({ width: 800, height: 1200, aspect: 4 / 3, pictures: 2, room: true, rail: kRail }).arrangement).toBe(
-      'below',
-    );
+    expect(
+      layoutOf({ width: 800, height: 1200, aspect: 4 / 3, pictures: 2, room: true, rail: kRail }).arrangement,
+    ).toBe('below');
   });
 
   it('fits a picture into the middle on whole pixels', () => {

@@ -97,7 +97,9 @@ function columnStrip(strip: Rect, input: LayoutInput): Strip {
   const { aspect, pictures, rail } = input;
   const kept = rail.height + pictures * kGap_px;
   const natural = kHead_px + (strip.width - kScale_px) / aspect;
-  const height = Math.round(Math.max(kHead_px, Math.min(natural, (strip.height - kept) / Math.max(1, pictures))));
+  const height = Math.round(
+    Math.max(kHead_px, Math.min(natural, (strip.height - kept) / Math.max(1, pictures))),
+  );
   const taken = pictures * (height + kGap_px);
   return {
     pictures: Array.from({ length: pictures }, (_, index) => ({

@@ -63,7 +63,11 @@ export class LightList {
       testid: `light-${id}`,
       attributes: { type: 'range', min: '0', max: String(kSliderSteps), step: '1' },
     });
-    const color = el('input', { class: 'light-color', testid: `light-color-${id}`, attributes: { type: 'color' } });
+    const color = el('input', {
+      class: 'light-color',
+      testid: `light-color-${id}`,
+      attributes: { type: 'color' },
+    });
     this.#listen(slider, () => ({ light: id, intensity: intensityAt(Number(slider.value)) }));
     this.#listen(color, () => ({ light: id, color: linearOfHex(color.value) }));
     const root = el('li', { class: 'light' }, name, slider, value, color);

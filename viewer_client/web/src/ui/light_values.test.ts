@@ -17,7 +17,8 @@ describe('a light on the page', () => {
   it('shows linear light as sRGB and reads it back', () => {
     expect(hexOfLinear([1, 0, 0.2158605])).toBe('#ff0080');
     expect(linearOfHex('#ff0080')).toEqual([1, 0, 0.2159]);
-    for (const hex of ['#000000', '#123456', '#fedcba', '#ffffff']) expect(hexOfLinear(linearOfHex(hex))).toBe(hex);
+    for (const hex of ['#000000', '#123456', '#fedcba', '#ffffff'])
+      expect(hexOfLinear(linearOfHex(hex))).toBe(hex);
     expect(linearOfHex('nothing')).toEqual([0, 0, 0]);
   });
 });

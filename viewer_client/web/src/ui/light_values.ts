@@ -32,7 +32,13 @@ function decoded(value: number): number {
 
 /** Linear light 0..1 as the browser's #rrggbb, which is sRGB. */
 export function hexOfLinear(color: Vector3): string {
-  return `#${color.map((part) => Math.round(255 * encoded(part)).toString(16).padStart(2, '0')).join('')}`;
+  return `#${color
+    .map((part) =>
+      Math.round(255 * encoded(part))
+        .toString(16)
+        .padStart(2, '0'),
+    )
+    .join('')}`;
 }
 
 /** To four digits: more than eight bits say. */

@@ -9,7 +9,12 @@ export class LoginForm {
     testid: 'token',
     attributes: { type: 'password', id: 'token', autocomplete: 'off', spellcheck: 'false', required: '' },
   });
-  readonly #button = el('button', { class: 'primary', testid: 'login-button', text: 'Log in', attributes: { type: 'submit' } });
+  readonly #button = el('button', {
+    class: 'primary',
+    testid: 'login-button',
+    text: 'Log in',
+    attributes: { type: 'submit' },
+  });
   readonly #wrong = el('p', { class: 'login-wrong', testid: 'login-wrong', attributes: { role: 'alert' } });
 
   constructor(onToken: (token: string) => void) {
@@ -17,7 +22,11 @@ export class LoginForm {
       'form',
       { class: 'login', testid: 'login', attributes: { 'aria-label': 'Log in' } },
       el('h2', { text: 'This studio asks who you are' }),
-      el('label', { class: 'quiet', text: 'Paste the token that its operator gave you.', attributes: { for: 'token' } }),
+      el('label', {
+        class: 'quiet',
+        text: 'Paste the token that its operator gave you.',
+        attributes: { for: 'token' },
+      }),
       el('div', { class: 'login-line' }, this.#field, this.#button),
       this.#wrong,
     );
@@ -34,7 +43,10 @@ export class LoginForm {
   show(asked: { wrong: boolean } | null): void {
     const opens = asked !== null && this.root.hidden;
     this.root.hidden = asked === null;
-    setText(this.#wrong, asked?.wrong === true ? 'This token is not known here. Check it, or ask for a new one.' : '');
+    setText(
+      this.#wrong,
+      asked?.wrong === true ? 'This token is not known here. Check it, or ask for a new one.' : '',
+    );
     if (opens) this.#field.focus();
   }
 }

@@ -45,6 +45,8 @@ import { WorkerLink, watchUrl } from './worker_link';
 const kRailNeeds_px = { width: 264, height: 300 };
 const kDefaultSize: PictureSize = { width: 1024, height: 768 };
 const kNumbersEvery_ms = 500;
+// The 3D view waits this long for a picture that may not come.
+const kFirstPicture_ms = 1000;
 const kProbeKeys = 'Arrow keys move the depth probe.';
 
 /** The director's page: keeps what the workers say and what the person chose, and shows both. */
@@ -55,9 +57,12 @@ export class Page {
     onChange: () => this.#showScene(),
     onNotice: (sentence, tone) => this.#scene.tell(sentence, tone),
   });
-  readonly #room = new RoomPane(this.#editor, (T_scene_color) => {
-    this.#editor.setPose(T_scene_color);
-    this.#showRing();
+  readonly #room = new RoomPane(this.#editor, {
+    onPose: (T_scene_color) => {
+      this.#editor.setPose(T_scene_color);
+      this.#showRing();
+    },
+    onShownChange: () => this.#show(),
   });
   readonly #panes: Readonly<Record<PaneName, Pane>> = {
     program: new Pane({
@@ -193,6 +198,7 @@ export class Page {
 
   #takeStatus(status: Status): void {
     this.#status = status;
+    if (status.color_frames > 0) this.#startRoom();
     // What the last server said is no news of the next.
     if (status.link.phase !== 'open') this.#stats = null;
     if (status.link.phase !== 'open' && this.#editor.scene !== null) this.#editor.forget();
@@ -211,6 +217,11 @@ export class Page {
     this.#bar.setShow(hello.name);
     this.#editor.setHello(hello.role, hello.camera);
     if (hello.camera !== null) this.#room.setRig(hello.camera);
+    setTimeout(() => this.#startRoom(), kFirstPicture_ms);
+  }
+
+  #startRoom(): void {
+    if (this.#room.allowStart()) this.#show();
   }
 
   #takeScene(scene: Scene): void {
@@ -224,7 +235,8 @@ export class Page {
   }
 
   #takeReading(reading: ProbeReading | null): void {
-    for (const name of kPictureNames) this.#panes[name].setReading(readingText(reading), readingDetail(reading));
+    for (const name of kPictureNames)
+      this.#panes[name].setReading(readingText(reading), readingDetail(reading));
     this.#scale.setMark(reading?.z_m ?? null);
     publishReading(document.documentElement, reading);
   }
@@ -235,15 +247,16 @@ export class Page {
 
   /** A page in a background tab shows nothing and so wants nothing. */
   get #shown(): Shown {
-    const px = (name: PaneName): number => (document.hidden ? 0 : this.#panes[name].pane_px);
-    const [program, depth, matte, room] = [px('program'), px('depth'), px('matte'), px('room')];
+    const px = (name: PictureName): number => (document.hidden ? 0 : this.#panes[name].pane_px);
+    const [program, depth, matte] = [px('program'), px('depth'), px('matte')];
+    const room = document.hidden ? 0 : this.#room.shown_px;
     return { pane_px: { program, depth, matte, room }, mode: this.#mode };
   }
 
   #show(): void {
     this.#arrange();
+    this.#room.show();
     this.#worker?.send({ type: 'show', shown: this.#shown });
-    if (this.#unsupported === null) this.#room.show();
   }
 
   #arrange(): void {

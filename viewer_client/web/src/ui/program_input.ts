@@ -34,10 +34,7 @@ export class ProgramInput {
     const { width, height } = this.#size();
     const along = (position: number, length: number): number =>
       Math.min(length - 1, Math.max(0, position * length - 0.5));
-    return [
-      along((clientX - box.left) / box.width, width),
-      along((clientY - box.top) / box.height, height),
-    ];
+    return [along((clientX - box.left) / box.width, width), along((clientY - box.top) / box.height, height)];
   }
 
   #up(event: PointerEvent): void {

@@ -73,7 +73,12 @@ export class Rail {
           el(
             'section',
             { class: 'rail-part' },
-            el('div', { class: 'rail-head' }, el('h2', { class: 'rail-title', text: 'Rig' }), this.#recording),
+            el(
+              'div',
+              { class: 'rail-head' },
+              el('h2', { class: 'rail-title', text: 'Rig' }),
+              this.#recording,
+            ),
             this.#agents,
             this.#nobody,
           ),

@@ -15,7 +15,14 @@ import { RoomLink } from './room_link';
 // More pixels than this are not worth their time on a machine without a graphics card.
 const kMostWidth_px = 1600;
 
-/** The 3D pane: starts its worker when it is first shown, keeps where it is looked at from, lets objects be dragged. */
+export interface RoomPaneHandlers {
+  /** Where the rig's camera is now. */
+  onPose(T_scene_color: readonly number[]): void;
+  /** `shown_px` has changed by itself. */
+  onShownChange(): void;
+}
+
+/** The 3D pane: starts its worker when it may and is shown, keeps where it is looked at from, lets objects be dragged. */
 export class RoomPane {
   readonly pane = new Pane({
     name: 'room',
@@ -26,18 +33,21 @@ export class RoomPane {
   /** The session's end of the way that meshes come by. */
   readonly session_port: MessagePort;
   readonly #room_port: MessagePort;
+  readonly #handlers: RoomPaneHandlers;
   readonly #orbit = new Orbit();
   readonly #follow_label = el('span', { text: 'Follow' });
   readonly #follow: HTMLButtonElement;
   #link: RoomLink | null = null;
+  #may_start = false;
+  /** Nothing can be drawn, now or for ever. */
+  #troubled = false;
   #size = { width: 1, height: 1 };
   #scene: Scene | null = null;
   #pinhole: Pinhole | null = null;
   #counts: RoomCounts | null = null;
-  readonly #onPose: (T_scene_color: readonly number[]) => void;
 
-  constructor(editor: Editor, onPose: (T_scene_color: readonly number[]) => void) {
-    this.#onPose = onPose;
+  constructor(editor: Editor, handlers: RoomPaneHandlers) {
+    this.#handlers = handlers;
     const channel = new MessageChannel();
     this.session_port = channel.port1;
     this.#room_port = channel.port2;
@@ -69,6 +79,18 @@ export class RoomPane {
     return this.#counts;
   }
 
+  /** Device pixels across of what is drawn; 0 while nothing can be: then no meshes are wanted either. */
+  get shown_px(): number {
+    return this.#link === null || this.#troubled ? 0 : this.pane.pane_px;
+  }
+
+  /** The worker's half a megabyte waits until the first picture stands. Says whether this was the first word. */
+  allowStart(): boolean {
+    const first = !this.#may_start;
+    this.#may_start = true;
+    return first;
+  }
+
   place(rect: Rect): void {
     this.pane.place(rect, null);
     this.#size = { width: Math.max(1, Math.floor(rect.width)), height: Math.max(1, rect.height - kHead_px) };
@@ -78,10 +100,10 @@ export class RoomPane {
 
   /** To be called when the pane was placed, shown or hidden. */
   show(): void {
-    if (this.#link === null && this.pane.pane_px > 0) {
+    if (this.#link === null && this.#may_start && this.pane.pane_px > 0) {
       this.#link = new RoomLink(this.pane.canvas, this.#room_port, this.#look, {
         onMessage: (message) => this.#receive(message),
-        onDead: () => this.pane.setNote('The 3D view stopped. Reload the page to get it back.'),
+        onDead: () => this.#trouble('The 3D view stopped. Reload the page to get it back.'),
       });
       if (this.#scene !== null) this.setScene(this.#scene);
       if (this.#pinhole !== null) this.setRig(this.#pinhole);
@@ -141,15 +163,22 @@ export class RoomPane {
       case 'pose':
         this.#orbit.setCamera(message.T_scene_color);
         this.#sendLook();
-        return this.#onPose(message.T_scene_color);
+        return this.#handlers.onPose(message.T_scene_color);
       case 'touched':
         return this.#centre(message.point);
       case 'counts':
         this.#counts = message.counts;
         return;
       case 'trouble':
-        return this.pane.setNote(message.sentence);
+        return this.#trouble(message.sentence);
     }
+  }
+
+  /** Empty: it is over. */
+  #trouble(sentence: string): void {
+    this.#troubled = sentence !== '';
+    this.pane.setNote(sentence);
+    this.#handlers.onShownChange();
   }
 
   #centre(point: Vector3 | null): void {

@@ -15,7 +15,14 @@ const kStatue: SceneObject = {
   radius_m: 1,
   hidden: false,
 };
-const kLamp: SceneLight = { id: 1, name: 'lamp', kind: 'area', position: [0, 0, 2], color: [1, 1, 1], intensity: 1 };
+const kLamp: SceneLight = {
+  id: 1,
+  name: 'lamp',
+  kind: 'area',
+  position: [0, 0, 2],
+  color: [1, 1, 1],
+  intensity: 1,
+};
 const kScene: Scene = {
   revision: 1,
   frame: 'world',
@@ -35,7 +42,10 @@ function withStatue(part: Partial<SceneObject>): Scene {
 
 describe('a change of the scene', () => {
   it.each([
-    ['moved statue', withStatue({ base: [2, 1, 0], pose: [...kStatue.pose.slice(0, 7), 1, ...kStatue.pose.slice(8)] })],
+    [
+      'moved statue',
+      withStatue({ base: [2, 1, 0], pose: [...kStatue.pose.slice(0, 7), 1, ...kStatue.pose.slice(8)] }),
+    ],
     ['turned statue', withStatue({ pose: [0, -1, 0, 2, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1] })],
     ['hid statue', withStatue({ hidden: true })],
     ['added vase', { ...kScene, objects: [kStatue, { ...kStatue, id: 2, name: 'vase' }] }],

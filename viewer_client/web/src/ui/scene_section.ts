@@ -53,7 +53,11 @@ export class SceneSection {
     el('span', { text: 'Save' }),
   );
   readonly #unsaved = el('span', { class: 'unsaved', testid: 'unsaved', text: 'unsaved' });
-  readonly #notice = el('p', { class: 'scene-notice', testid: 'scene-notice', attributes: { role: 'status' } });
+  readonly #notice = el('p', {
+    class: 'scene-notice',
+    testid: 'scene-notice',
+    attributes: { role: 'status' },
+  });
   readonly #rows = new Map<number, Row>();
   #notice_timer: ReturnType<typeof setTimeout> | undefined;
 
@@ -144,7 +148,11 @@ export class SceneSection {
 
   #makeRow(id: number): Row {
     const name = el('span', { class: 'object-name' });
-    const select = el('button', { class: 'object-select', testid: `object-${id}`, attributes: { type: 'button' } }, name);
+    const select = el(
+      'button',
+      { class: 'object-select', testid: `object-${id}`, attributes: { type: 'button' } },
+      name,
+    );
     const hide = tool('shown', `hide-${id}`, 'Hide');
     const move = tool('move', `move-${id}`, 'Move: click into the program, or use the arrow keys here');
     const remove = tool('trash', `delete-${id}`, 'Delete (Del)');

@@ -16,7 +16,14 @@ const kShortcuts = [
 ];
 
 function pressed(key: string, part: Partial<KeyPress> = {}): string | null {
-  const none = { ctrlKey: false, metaKey: false, altKey: false, shiftKey: false, repeat: false, altGraph: false };
+  const none = {
+    ctrlKey: false,
+    metaKey: false,
+    altKey: false,
+    shiftKey: false,
+    repeat: false,
+    altGraph: false,
+  };
   return shortcutFor({ key, ...none, ...part }, kShortcuts)?.label ?? null;
 }
 

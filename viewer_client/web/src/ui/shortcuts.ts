@@ -15,7 +15,10 @@ export interface Shortcut {
   run: () => void;
 }
 
-export type KeyPress = Pick<KeyboardEvent, 'key' | 'ctrlKey' | 'metaKey' | 'altKey' | 'shiftKey' | 'repeat'> & {
+export type KeyPress = Pick<
+  KeyboardEvent,
+  'key' | 'ctrlKey' | 'metaKey' | 'altKey' | 'shiftKey' | 'repeat'
+> & {
   /** On many keyboards [ and ] are written with AltGr, which also says Ctrl and Alt. */
   altGraph: boolean;
 };

@@ -19,7 +19,7 @@ function stats(state: ServerState, message = ''): Stats {
     stages: [],
     agents: [],
     recording: null,
-  depth_age_s: 3.4,
+    depth_age_s: 3.4,
   };
 }
 const kLive: Situation = {

@@ -61,19 +61,17 @@ describe('geometry', () => {
     expect(meetPlane(rayThrough(kView, 320, 100), [0, 0, 1], [0, 0, 0])).toBeNull();
   });
 
-  it.each([
-    [[0, 0, 1]],
-    [[0, -1, 0]],
-    [[1, 0, 0]],
-    [[0.6, 0, 0.8]],
-  ] as [Vector3][])('spans the plane across %j', (up) => {
-    const [e0, e1] = horizontal(up);
-    expect(dot(e0, up)).toBeCloseTo(0, 9);
-    near(cross(e0, e1), up);
-    for (const point of circle([1, 2, 3], 0.5, up, 8)) {
-      const out = sub(point, [1, 2, 3]);
-      expect(Math.hypot(...out)).toBeCloseTo(0.5, 9);
-      expect(dot(out, up)).toBeCloseTo(0, 9);
-    }
-  });
+  it.each([[[0, 0, 1]], [[0, -1, 0]], [[1, 0, 0]], [[0.6, 0, 0.8]]] as [Vector3][])(
+    'spans the plane across %j',
+    (up) => {
+      const [e0, e1] = horizontal(up);
+      expect(dot(e0, up)).toBeCloseTo(0, 9);
+      near(cross(e0, e1), up);
+      for (const point of circle([1, 2, 3], 0.5, up, 8)) {
+        const out = sub(point, [1, 2, 3]);
+        expect(Math.hypot(...out)).toBeCloseTo(0.5, 9);
+        expect(dot(out, up)).toBeCloseTo(0, 9);
+      }
+    },
+  );
 });

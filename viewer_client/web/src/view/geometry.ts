@@ -60,10 +60,7 @@ export function transform(T: Pose, point: Vector3): Vector3 {
 /** p_b of p_a, for a rigid T_a_b. */
 export function transformBack(T: Pose, point: Vector3): Vector3 {
   const moved = sub(point, origin(T));
-  return add(
-    add(scale(row(T, 0), moved[0]), scale(row(T, 1), moved[1])),
-    scale(row(T, 2), moved[2]),
-  );
+  return add(add(scale(row(T, 0), moved[0]), scale(row(T, 1), moved[1])), scale(row(T, 2), moved[2]));
 }
 
 /** A camera that looks: where it stands and how it projects. */

@@ -57,7 +57,9 @@ describe('the orbit', () => {
     const moved = [...kCamera];
     moved[7] = 1;
     orbit.setCamera(moved);
-    sub(origin(eyeOf(orbit)), before).forEach((step, axis) => expect(step).toBeCloseTo(axis === 1 ? 1 : 0, 9));
+    sub(origin(eyeOf(orbit)), before).forEach((step, axis) =>
+      expect(step).toBeCloseTo(axis === 1 ? 1 : 0, 9),
+    );
     orbit.pan(0.1, 0);
     expect(orbit.follows).toBe(false);
   });

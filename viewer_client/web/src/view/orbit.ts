@@ -115,10 +115,7 @@ export class Orbit {
   get #T_scene_eye(): Pose {
     const [e0, e1] = horizontal(this.#up);
     const around = add(scale(e0, Math.cos(this.#yaw_rad)), scale(e1, Math.sin(this.#yaw_rad)));
-    const out = add(
-      scale(around, Math.cos(this.#pitch_rad)),
-      scale(this.#up, Math.sin(this.#pitch_rad)),
-    );
+    const out = add(scale(around, Math.cos(this.#pitch_rad)), scale(this.#up, Math.sin(this.#pitch_rad)));
     const eye = add(this.#target, scale(out, this.#distance_m));
     const z = scale(out, -1);
     const x = normalize(cross(z, this.#up));

@@ -1,11 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-import { AmbientLight, DirectionalLight, Group, Raycaster, Scene as Graph, Vector2, type Camera } from 'three';
+import {
+  AmbientLight,
+  DirectionalLight,
+  Group,
+  Raycaster,
+  Scene as Graph,
+  Vector2,
+  type Camera,
+} from 'three';
 import { Mesh, type Object3D } from 'three';
 import type { MeshData } from '../decode/draco_mesh';
 import type { Pinhole } from '../transport/control_message';
 import type { Scene, SceneObject, Vector3 } from '../transport/scene';
 import { CameraPath } from './camera_path';
-import { dot, kIdentityPose, origin, type Pose } from './geometry';
+import { dot, origin, type Pose } from './geometry';
 import type { MeshParcel } from './room_messages';
 import { box, dispose, floorGrid, frustum, lightShape, matrixOf, ring, surface } from './room_shapes';
 
@@ -34,7 +42,15 @@ export class RoomScene {
 
   constructor() {
     this.#rig.matrixAutoUpdate = false;
-    this.graph.add(this.#surfaces, this.#marks, this.#rig, this.#path.line, this.#sun, new AmbientLight(0xffffff, 1.4));
+    this.#rig.visible = false;
+    this.graph.add(
+      this.#surfaces,
+      this.#marks,
+      this.#rig,
+      this.#path.line,
+      this.#sun,
+      new AmbientLight(0xffffff, 1.4),
+    );
   }
 
   setScene(scene: Scene): void {
@@ -63,6 +79,7 @@ export class RoomScene {
 
   setPose(T_scene_color: Pose): void {
     this.#rig.matrix.copy(matrixOf(T_scene_color));
+    this.#rig.visible = true;
     this.#path.add(origin(T_scene_color));
   }
 
@@ -99,8 +116,7 @@ export class RoomScene {
     this.#lowest_m = null;
     for (const id of [...this.#objects.keys()]) this.#drop(id);
     this.#path.clear();
-    this.setPose(kIdentityPose);
-    this.#path.clear();
+    this.#rig.visible = false;
   }
 
   /** The nearest surface under a place of the pane, -1..1 right and up. */

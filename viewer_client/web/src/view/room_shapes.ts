@@ -37,7 +37,22 @@ const kLight_m = 0.09;
 export function matrixOf(T: Pose): Matrix4 {
   const at = (index: number): number => T[index] ?? 0;
   return new Matrix4().set(
-    at(0), at(1), at(2), at(3), at(4), at(5), at(6), at(7), at(8), at(9), at(10), at(11), 0, 0, 0, 1,
+    at(0),
+    at(1),
+    at(2),
+    at(3),
+    at(4),
+    at(5),
+    at(6),
+    at(7),
+    at(8),
+    at(9),
+    at(10),
+    at(11),
+    0,
+    0,
+    0,
+    1,
   );
 }
 
@@ -67,12 +82,16 @@ export function dispose(shape: Object3D): void {
 /** One line a metre on the floor; the two through `origin_m`'s nearest whole metres are brighter. */
 export function floorGrid(up: Vector3, height_m: number): Group {
   const [e0, e1] = horizontal(up);
-  const at = (a: number, b: number): Vector3 =>
-    add(add(scale(e0, a), scale(e1, b)), scale(up, height_m));
+  const at = (a: number, b: number): Vector3 => add(add(scale(e0, a), scale(e1, b)), scale(up, height_m));
   const fine: Vector3[] = [];
   for (let step = -kGridReach_m; step <= kGridReach_m; ++step) {
     if (step === 0) continue;
-    fine.push(at(step, -kGridReach_m), at(step, kGridReach_m), at(-kGridReach_m, step), at(kGridReach_m, step));
+    fine.push(
+      at(step, -kGridReach_m),
+      at(step, kGridReach_m),
+      at(-kGridReach_m, step),
+      at(kGridReach_m, step),
+    );
   }
   const axes = [at(0, -kGridReach_m), at(0, kGridReach_m), at(-kGridReach_m, 0), at(kGridReach_m, 0)];
   return new Group().add(lines(fine, kGridColor), lines(axes, kGridAxisColor));
@@ -80,8 +99,7 @@ export function floorGrid(up: Vector3, height_m: number): Group {
 
 /** What the rig's camera sees, as the edges of a pyramid; in the camera's own frame. */
 export function frustum({ width, height, fx, fy, cx, cy }: Pinhole): LineSegments {
-  const corner = (u: number, v: number): Vector3 =>
-    scale([(u - cx) / fx, (v - cy) / fy, 1], kFrustum_m);
+  const corner = (u: number, v: number): Vector3 => scale([(u - cx) / fx, (v - cy) / fy, 1], kFrustum_m);
   const [a, b, c, d] = [
     corner(-0.5, -0.5),
     corner(width - 0.5, -0.5),
@@ -91,10 +109,7 @@ export function frustum({ width, height, fx, fy, cx, cy }: Pinhole): LineSegment
   const eye: Vector3 = [0, 0, 0];
   // A small roof over the upper edge says which way is up.
   const roof = corner((width - 1) / 2, -0.5 - 0.12 * height);
-  return lines(
-    [eye, a, eye, b, eye, c, eye, d, a, b, b, c, c, d, d, a, a, roof, roof, b],
-    kRigColor,
-  );
+  return lines([eye, a, eye, b, eye, c, eye, d, a, b, b, c, c, d, d, a, a, roof, roof, b], kRigColor);
 }
 
 /** Where an object stands: its shadow ring. */
@@ -159,6 +174,10 @@ export function surface(data: MeshData, texture: ImageBitmap | null): Mesh {
   }
   return new Mesh(
     geometry,
-    new MeshLambertMaterial({ vertexColors: colored, color: colored ? 0xffffff : 0x8a929c, side: DoubleSide }),
+    new MeshLambertMaterial({
+      vertexColors: colored,
+      color: colored ? 0xffffff : 0x8a929c,
+      side: DoubleSide,
+    }),
   );
 }

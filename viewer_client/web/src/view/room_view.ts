@@ -141,7 +141,10 @@ export class RoomView {
   async #textureOf(bytes: Uint8Array): Promise<ImageBitmap | null> {
     try {
       const blob = new Blob([bytes as Uint8Array<ArrayBuffer>], { type: 'image/jpeg' });
-      const picture = await createImageBitmap(blob, { premultiplyAlpha: 'none', colorSpaceConversion: 'none' });
+      const picture = await createImageBitmap(blob, {
+        premultiplyAlpha: 'none',
+        colorSpaceConversion: 'none',
+      });
       if (Math.max(picture.width, picture.height) <= kMostTexture_px) return picture;
       picture.close();
       this.#refuse(`texture of ${picture.width} x ${picture.height}`);
@@ -168,7 +171,10 @@ export class RoomView {
 
   #setLost(lost: boolean): void {
     this.#lost = lost;
-    this.#post({ type: 'trouble', sentence: lost ? 'The graphics driver was reset; the 3D view comes back by itself.' : '' });
+    this.#post({
+      type: 'trouble',
+      sentence: lost ? 'The graphics driver was reset; the 3D view comes back by itself.' : '',
+    });
     this.redraw();
   }
 }

@@ -31,10 +31,17 @@ function schedule(draw: () => void): void {
 function start({ canvas, meshes, look }: Extract<ToRoom, { type: 'start' }>): void {
   let started: RoomView;
   try {
-    started = new RoomView(canvas, look, new DracoReader(fetchDraco), (message) => scope.postMessage(message), schedule);
+    started = new RoomView(
+      canvas,
+      look,
+      new DracoReader(fetchDraco),
+      (message) => scope.postMessage(message),
+      schedule,
+    );
   } catch {
     // three says what it tried on the console; a person needs the browser's setting.
-    const sentence = 'This browser gives no WebGL 2, which draws the 3D view. Switch on hardware acceleration.';
+    const sentence =
+      'This browser gives no WebGL 2, which draws the 3D view. Switch on hardware acceleration.';
     scope.postMessage({ type: 'trouble', sentence });
     return;
   }
@@ -48,8 +55,7 @@ scope.onmessage = ({ data }) => {
   if (data.type === 'start') return start(data);
   if (view === null) return;
   if (data.type === 'look') return view.look(data.look);
-  if (data.type === 'touch')
-    return scope.postMessage({ type: 'touched', point: view.touch(data.u, data.v) });
+  if (data.type === 'touch') return scope.postMessage({ type: 'touched', point: view.touch(data.u, data.v) });
   if (data.type === 'scene') view.scene.setScene(data.scene);
   if (data.type === 'rig') view.scene.setPinhole(data.pinhole);
   if (data.type === 'select') view.scene.select(data.id);

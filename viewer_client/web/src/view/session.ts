@@ -275,7 +275,8 @@ export class Session {
       if (stream === 'color') this.#color_at_ms = null;
       else this.#depth_at_ms = null;
     }
-    const pictures = (of: readonly Subscription[]): StreamName[] => kStreamNames.filter((name) => of.includes(name));
+    const pictures = (of: readonly Subscription[]): StreamName[] =>
+      kStreamNames.filter((name) => of.includes(name));
     const [before, after] = [pictures(this.#wanted), pictures(wanted)];
     this.#wanted = wanted;
     this.#subscribe();

@@ -12,7 +12,10 @@ describe('the streams asked for', () => {
     [0, 0, 0, 0, 'matte', []],
     [0, 0, 0, 1, 'matte', ['mesh']],
     [1, 1, 1, 1, 'label', ['color', 'depth', 'mesh']],
-  ] as const)('program %i, depth %i, matte %i, 3D %i in mode %s', (program, depth, matte, room, mode, wanted) => {
-    expect(wantedStreams({ pane_px: { program, depth, matte, room }, mode })).toEqual(wanted);
-  });
+  ] as const)(
+    'program %i, depth %i, matte %i, 3D %i in mode %s',
+    (program, depth, matte, room, mode, wanted) => {
+      expect(wantedStreams({ pane_px: { program, depth, matte, room }, mode })).toEqual(wanted);
+    },
+  );
 });
