@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 namespace mixstage {
 namespace {
 
@@ -98,6 +100,17 @@ TEST_F(LiveIngestTest, PicturesOfAnotherSizeAreCountedDrops) {
   EncodedFrame frame{.epoch = 7, .t_us = 5, .sequence = 0, .width = 16, .height = 16, .bytes = {1, 2, 3}};
   Send(frame, 10);
   EXPECT_EQ(ingest_.Status().drops.at("bad_jpeg"), 1);
+}
+
+TEST_F(LiveIngestTest, ForgedTimesAndNumbersAreRefused) {
+  constexpr std::int64_t kLargest = std::numeric_limits<std::int64_t>::max();
+  SendColor(kLargest, 0);
+  SendColor(0, kLargest - kTravelUs);
+  SendColor(0, std::numeric_limits<std::int64_t>::min());
+  EXPECT_EQ(ingest_.Status().drops.at("bad_slice"), 3);
+  SendColor(0, 0);
+  ingest_.OnHead({.epoch = 7, .t_us = kLargest, .pan_deg = 0, .tilt_deg = 0}, 10);
+  EXPECT_EQ(ingest_.Status().drops.at("bad_head"), 1);
 }
 
 TEST_F(LiveIngestTest, AgentsNamesAreMadeHarmless) {
