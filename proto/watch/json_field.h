@@ -25,8 +25,8 @@ class JsonReader {
   explicit JsonReader(const nlohmann::json& object);
 
   void Int(const std::string& name, int min, int max, int* out);
-  void Int64(const std::string& name, std::int64_t* out);
-  void Count(const std::string& name, std::uint64_t* out);  // >= 0
+  void Int64(const std::string& name, std::int64_t* out);   // within +-2^53
+  void Count(const std::string& name, std::uint64_t* out);  // 0..2^53
   void Double(const std::string& name, double* out);        // finite
   void Text(const std::string& name, std::string* out);     // at most 1,024 bytes
   void List(const std::string& name, std::size_t max_items, const nlohmann::json** out);

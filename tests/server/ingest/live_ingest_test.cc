@@ -111,6 +111,11 @@ TEST_F(LiveIngestTest, ForgedTimesAndNumbersAreRefused) {
   SendColor(0, 0);
   ingest_.OnHead({.epoch = 7, .t_us = kLargest, .pan_deg = 0, .tilt_deg = 0}, 10);
   EXPECT_EQ(ingest_.Status().drops.at("bad_head"), 1);
+  mixstage_lcm::agent_health_t health{};
+  health.epoch = 7;
+  health.dropped = kLargest;  // no viewer could read it
+  ingest_.OnHealth(health, 10);
+  EXPECT_EQ(ingest_.Status().drops.at("bad_health"), 1);
 }
 
 TEST_F(LiveIngestTest, AgentsNamesAreMadeHarmless) {
