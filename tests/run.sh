@@ -3,15 +3,23 @@
 # Installs, builds and runs every test. The last line is "N passed, M failed, K skipped".
 #
 #   tests/run.sh             all
-#   tests/run.sh FILTER      parts whose name contains FILTER (repo, unit, page, e2e, loss, data, browser); anything else
-#                            is a gtest filter: tests/run.sh 'DepthCodec*'
+#   tests/run.sh FILTER      parts whose name contains FILTER; anything else is a gtest filter: tests/run.sh 'DepthCodec*'
+#
+#   repo     the repository itself           browser  the page in Chromium
+#   unit     C++, release build by GCC       asan     the unit tests under ASan and UBSan, built by Clang
+#   page     TypeScript                      fuzz     every fuzzer for 10 s
+#   e2e      real programs, real sockets     soak     1,000 pictures with a restless crowd of viewers
+#   loss     the same over a bad network
+#   data     recordings, where there are any
+#
+# Longer, by hand: tests/fuzz.sh SECONDS, tests/soak.sh, tests/tsan.sh.
 set -uo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$root"
 filter=${1:-}
-case $filter in -h | --help) sed -n '3,8s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; exit 0 ;; esac
+case $filter in -h | --help) sed -n '3,16s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; exit 0 ;; esac
 
-parts=(repo unit page e2e loss data browser)
+parts=(repo unit page e2e loss data browser asan fuzz soak)
 chosen=() gtest_filter='*'
 for part in "${parts[@]}"; do [[ $part == *"$filter"* ]] && chosen+=("$part"); done
 if [ ${#chosen[@]} = 0 ]; then chosen=(unit) gtest_filter=$filter; fi
@@ -53,6 +61,9 @@ for part in "${chosen[@]}"; do
     loss) tally loss python3 tests/e2e/loss.py build ;;
     data) tally data python3 tests/e2e/recordings.py build ;;
     browser) tally browser tests/browser/run.sh build ;;
+    asan) tally asan tests/asan.sh ;;
+    fuzz) tally fuzz tests/fuzz.sh 10 ;;
+    soak) tally soak python3 tests/e2e/soak.py build 1000 ;;
   esac
 done
 finish

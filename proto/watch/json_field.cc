@@ -2,20 +2,21 @@
 #include "proto/watch/json_field.h"
 
 #include <cmath>
-#include <limits>
 
 namespace mixstage {
 namespace {
 
 constexpr int kMaxDepth = 8;
 constexpr std::size_t kMaxTextBytes = 1024;
+// 2^53: JavaScript counts no further, and sums and differences of such numbers do not overflow.
+constexpr double kLargestWhole = 9007199254740992.0;
 
 // A whole number, written as 3 or as 3.0; nothing else (JavaScript has only doubles).
 bool IsWhole(const nlohmann::json& value) {
   if (value.is_number_integer()) return true;
   if (!value.is_number_float()) return false;
   const double number = value.get<double>();
-  return std::trunc(number) == number && std::abs(number) < 9007199254740992.0;
+  return std::trunc(number) == number && std::abs(number) <= kLargestWhole;
 }
 
 }  // namespace
@@ -70,10 +71,7 @@ void JsonReader::Int64(const std::string& name, std::int64_t* out) {
   const nlohmann::json* value = Find(name);
   if (value == nullptr) return;
   if (!IsWhole(*value)) return Refuse(name, "is not a whole number");
-  if (value->is_number_unsigned() &&
-      value->get<std::uint64_t>() > std::uint64_t{std::numeric_limits<std::int64_t>::max()}) {
-    return Refuse(name, "is out of range");
-  }
+  if (!(std::abs(value->get<double>()) <= kLargestWhole)) return Refuse(name, "is out of range");
   *out = value->get<std::int64_t>();
 }
 

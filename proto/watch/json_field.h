@@ -27,8 +27,8 @@ class JsonReader {
   explicit JsonReader(const nlohmann::json& object);
 
   void Int(const std::string& name, int min, int max, int* out);
-  void Int64(const std::string& name, std::int64_t* out);
-  void Count(const std::string& name, std::uint64_t* out);  // >= 0
+  void Int64(const std::string& name, std::int64_t* out);   // within +-2^53
+  void Count(const std::string& name, std::uint64_t* out);  // 0..2^53
   void Double(const std::string& name, double* out);        // finite
   void Bool(const std::string& name, bool* out);
   void Text(const std::string& name, std::string* out);  // at most 1,024 bytes

@@ -184,7 +184,9 @@ void LiveIngest::OnHead(const mixstage_lcm::head_angles_t& angles, std::int64_t 
 void LiveIngest::OnHealth(const mixstage_lcm::agent_health_t& health, std::int64_t now_us) {
   const bool finite = std::isfinite(health.color_fps) && std::isfinite(health.depth_fps) &&
                       std::isfinite(health.fisheye_fps) && std::isfinite(health.encode_ms);
-  if (health.epoch == 0 || !finite) return Drop("bad_health");
+  const bool countable =
+      IsCountable(health.published) && IsCountable(health.dropped) && IsCountable(health.send_errors);
+  if (health.epoch == 0 || !finite || !countable) return Drop("bad_health");
   const std::lock_guard lock(mutex_);
   AgentStatus& agent = Agent(health.epoch, now_us);
   const auto* name = reinterpret_cast<const char*>(health.name);

@@ -28,8 +28,9 @@ struct TextSummary {
   std::vector<std::string> material_files;
 };
 
-// One look over the lines: how much they will take, and which material files they name. Subdivision tags
-// ("t", which nothing here uses) become comments: tinyobjloader gives each up to 300 kB on its own word.
+// One look over the lines: how much they will take, and which material files they name. Points, lines and
+// subdivision tags, which nothing here uses, become comments: tinyobjloader gives a tag up to 300 kB on its
+// own word, and twelve bytes to each two of a line.
 Result<TextSummary> LookOver(std::string& whole) {
   std::string_view text = whole;
   TextSummary summary;
@@ -43,7 +44,8 @@ Result<TextSummary> LookOver(std::string& whole) {
     ++line_number;
     line.remove_prefix(std::min(line.find_first_not_of(" \t"), line.size()));
     if (line.size() < 2) continue;
-    if (line[0] == 't') whole[static_cast<std::size_t>(line.data() - whole.data())] = '#';
+    if (line[0] == 't' || line[0] == 'l' || line[0] == 'p')
+      whole[static_cast<std::size_t>(line.data() - whole.data())] = '#';
     if (line[0] == 'v') {
       ++vertices;
       // tinyobjloader reads as 0 what is no number.

@@ -40,7 +40,8 @@ WatchCallbacks MeasureInto(Watched& watched) {
   const auto picture = [&watched](const WatchHeader& header, const PictureArrival& arrival) {
     std::optional<double> latency_ms;
     if (arrival.decoded_server_us) {
-      latency_ms = static_cast<double>(*arrival.decoded_server_us - header.capture_us) / 1e3;
+      latency_ms =
+          (static_cast<double>(*arrival.decoded_server_us) - static_cast<double>(header.capture_us)) / 1e3;
     }
     const std::lock_guard lock(watched.mutex);
     watched.measure.OnPicture(header, arrival.message_bytes, MonotonicMicros(), latency_ms);

@@ -80,6 +80,20 @@ TEST_F(TakeTest, BrokenListsAreErrorsWithTheirLine) {
   ExpectError("no colour picture");
 }
 
+TEST_F(TakeTest, HostileListsAreErrors) {
+  // The name ends inside the folder, what the system would open (up to the zero) does not.
+  const std::string up_and_down = "../../etc/x" + std::string(1, '\0') + "/../../" +
+                                  folder_.parent_path().filename().string() + "/" +
+                                  folder_.filename().string();
+  Write("rgb.txt", "1.0 " + up_and_down + "/rgb/a.jpg\n");
+  ExpectError("leads out");
+  Write("rgb.txt", "1.0 rgb/a.jpg " + std::string(100'000, 'x') + "\n");
+  ExpectError("rgb.txt:1: is a line of more than");
+  Write("rgb.txt", "1.0 rgb/a.jpg\n");
+  fs::create_symlink("depth.txt", folder_ / "depth.txt");  // leads to itself
+  EXPECT_TRUE(OpenTake(folder_));
+}
+
 TEST_F(TakeTest, ACleanPlateMayNameTheTakesOwnPicturesButNoOthers) {
   Write("rgb.txt", "1.0 rgb/a.jpg\n");
   fs::create_directories(folder_ / "clean_plate");
@@ -117,6 +131,10 @@ TEST_F(TakeTest, PicturesPassAGate) {
   const Status bomb = LoadDepth16(folder_ / "bomb.png", depth);
   ASSERT_FALSE(bomb);
   EXPECT_NE(bomb.error().message.find("over the limit"), std::string::npos) << bomb.error().message;
+  bytes[12] = 'x';  // a first chunk that a decoder skips, and with it our idea of the size
+  std::ofstream(folder_ / "bomb.png", std::ios::binary)
+      .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  EXPECT_NE(LoadDepth16(folder_ / "bomb.png", depth).error().message.find("neither"), std::string::npos);
 }
 
 }  // namespace

@@ -16,7 +16,7 @@ TEST(StudioConfig, TheSampleIsTheDefaults) {
 
 TEST(StudioConfig, WhatIsPrintedReadsBack) {
   StudioConfig config;
-  config.name = "a \"quoted\" \\ name";
+  config.name = "a \"quoted\" \\ name\n\ton two lines";
   config.rig = "/somewhere/rig.json";
   config.color.preset = EncoderPreset::kVeryfast;
   config.depth.bitrate_bps = 3'500'000;
@@ -31,6 +31,7 @@ TEST(StudioConfig, WhatIsPrintedReadsBack) {
   const auto back = ParseStudioConfig(ToYaml(config), "/etc/studio.yaml");
   ASSERT_TRUE(back) << back.error().message;
   EXPECT_EQ(ToYaml(*back), ToYaml(config));
+  EXPECT_EQ(back->name, config.name);
 }
 
 TEST(StudioConfig, MistakesNameFileLineAndKey) {

@@ -6,6 +6,8 @@
 
 #include "server/ingest/take_ingest.h"
 
+#include <limits>
+
 namespace mixstage {
 namespace {
 
@@ -160,6 +162,22 @@ TEST_F(LiveIngestTest, ARecordingPlaysAsTheShowSawIt) {
     EXPECT_EQ(cv::norm(played->color.y, seen.color.y, cv::NORM_L1), 0);
     EXPECT_EQ(cv::norm(played->depth->counts, seen.depth->counts, cv::NORM_L1), 0);
   }
+}
+
+TEST_F(LiveIngestTest, ForgedTimesAndNumbersAreRefused) {
+  constexpr std::int64_t kLargest = std::numeric_limits<std::int64_t>::max();
+  SendColor(kLargest, 0);
+  SendColor(0, kLargest - kTravelUs);
+  SendColor(0, std::numeric_limits<std::int64_t>::min());
+  EXPECT_EQ(ingest_.Status().drops.at("bad_slice"), 3);
+  SendColor(0, 0);
+  ingest_.OnHead({.epoch = 7, .t_us = kLargest, .pan_deg = 0, .tilt_deg = 0}, 10);
+  EXPECT_EQ(ingest_.Status().drops.at("bad_head"), 1);
+  mixstage_lcm::agent_health_t health{};
+  health.epoch = 7;
+  health.dropped = kLargest;  // no viewer could read it
+  ingest_.OnHealth(health, 10);
+  EXPECT_EQ(ingest_.Status().drops.at("bad_health"), 1);
 }
 
 TEST_F(LiveIngestTest, AgentsNamesAreMadeHarmless) {

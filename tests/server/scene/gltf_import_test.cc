@@ -156,6 +156,20 @@ TEST(GltfImport, RefusesPositionsThatAreNoNumbers) {
   EXPECT_THAT(ErrorOf(Glb(TriangleJson(), binary)), testing::HasSubstr("position that is not a number"));
 }
 
+TEST(GltfImport, RefusesAMeshThatIsReadAgainAndAgain) {
+  std::string primitives, nodes, roots;
+  for (int i = 0; i < 300; ++i) {
+    const char* comma = i == 0 ? "" : ",";
+    primitives += std::string(comma) + R"({"attributes":{"POSITION":0},"mode":0})";
+    nodes += std::string(comma) + R"({"mesh":0})";
+    roots += comma + std::to_string(i);
+  }
+  const std::string json = R"({"asset":{"version":"2.0"},"scenes":[{"nodes":[)" + roots + R"(]}],"nodes":[)" +
+                           nodes + R"(],"meshes":[{"primitives":[)" + primitives +
+                           R"(]}],"accessors":[{"componentType":5126,"count":3,"type":"VEC3"}]})";
+  EXPECT_NE(ErrorOf(json).find("limit of parts"), std::string::npos) << ErrorOf(json);
+}
+
 TEST(GltfImport, RefusesJsonNestedToBreakTheStack) {
   const std::string deep = std::string(100000, '[') + std::string(100000, ']');
   EXPECT_THAT(ErrorOf(Glb(TriangleJson("", ",\"extras\":" + deep), TriangleBinary())),

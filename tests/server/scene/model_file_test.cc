@@ -72,6 +72,12 @@ TEST(ObjImport, BrokenFilesAreNamed) {
   EXPECT_THAT(ErrorOf("a.obj", wide + "\n"), HasSubstr("line 2"));
 }
 
+TEST(ObjImport, SubdivisionTagsCostNothing) {
+  std::string text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+  for (int i = 0; i < 20'000; ++i) text += "t x 8192/8192/8192\n";  // 6 GB, were they believed
+  EXPECT_EQ(ErrorOf("a.obj", text), "loaded");
+}
+
 TEST(ObjImport, MissingMaterialsAreAWarning) {
   auto model = FromText("a.obj", "mtllib ../../etc/passwd\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
   ASSERT_TRUE(model) << model.error().message;
@@ -142,6 +148,27 @@ TEST(TextureFile, SizeIsCheckedBeforeDecoding) {
   EXPECT_THAT(bomb.error().message, HasSubstr("outside 1..8192"));
   std::size_t small_budget = 34;
   EXPECT_FALSE(DecodeTexture(jpeg, small_budget));
+}
+
+// Decoders skip what they do not know. A header that only we see must not stand for the picture that they
+// see.
+TEST(TextureFile, AHeaderThatTheDecoderSkipsIsRefused) {
+  std::vector<std::uint8_t> png;
+  cv::imencode(".png", cv::Mat3b(5, 7), png);
+  const std::vector<std::uint8_t> chunk = {0, 0, 0, 13, 'a', 'b', 'C', 'd', 0,    0,    0,    2,   0,
+                                           0, 0, 2, 8,  6,   0,   0,   0,   0x91, 0x9C, 0xB1, 0x09};
+  png.insert(png.begin() + 8, chunk.begin(), chunk.end());
+  EXPECT_FALSE(PictureSize(png));
+
+  std::vector<std::uint8_t> jpeg;
+  cv::imencode(".jpg", cv::Mat3b(5, 7, cv::Vec3b(1, 2, 3)), jpeg);
+  const auto length = static_cast<std::uint16_t>(jpeg.size());  // of the whole picture, as of one segment
+  const std::vector<std::uint8_t> stuffed = {0xFF, 0, static_cast<std::uint8_t>(length >> 8),
+                                             static_cast<std::uint8_t>(length)};
+  jpeg.insert(jpeg.begin() + 2, stuffed.begin(), stuffed.end());
+  const std::vector<std::uint8_t> small_frame = {0xFF, 0xC0, 0, 17, 8, 0, 2, 0, 2, 3, 1, 0x11, 0, 2, 0x11, 0};
+  jpeg.insert(jpeg.end(), small_frame.begin(), small_frame.end());
+  EXPECT_FALSE(PictureSize(jpeg));
 }
 
 TEST(ModelFile, DemoObjectsLoadAndStandOnTheGround) {
