@@ -68,9 +68,6 @@ class OpenPicture {
   EncodedFrame Take();
 
  private:
-  bool Believed(std::size_t slice) const {
-    return slice < data_slices_ ? have_data_[slice] : have_parity_[slice - data_slices_];
-  }
   std::uint8_t* Place(std::size_t slice);
   void Count(std::size_t slice, int came);  // +1 a slice came, -1 it is not believed any more
   bool Fits() const;
