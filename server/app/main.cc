@@ -66,7 +66,7 @@ int Run(const RunOptions& o) {
 }
 
 struct ProcessFlags {
-  std::string take, rig, clean_plate, scene, poses, out, exports = "composite", frames, renderer = "auto",
+  std::string take, rig, clean_plate, scene, poses, out, exports = "composite", frames, renderer = "cpu",
                                                          mesh_format = "drc";
   double depth_unit_m = 0;
   bool encode = false, json = false;
@@ -215,7 +215,7 @@ int main(int argc, char** argv) {
       ->check(CLI::PositiveNumber);
   process_command
       ->add_option("--renderer", process.renderer,
-                   "auto (a GPU where there is one), cpu (the same bytes everywhere) or egl")
+                   "cpu (the same bytes on every machine), egl or auto (a GPU where there is one)")
       ->capture_default_str();
   process_command->add_flag("--encode", process.encode, "run the delivery encoders too, to measure them");
   process_command->add_flag("--json", process.json, "print report.json, no progress");

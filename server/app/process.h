@@ -36,8 +36,8 @@ struct ProcessOptions {
   int first_frame = 0;  // of the take's colour pictures
   int end_frame = -1;   // one past the last; -1 = all
   std::optional<double> depth_unit_m;
-  // With cpu the exports are the same bytes on every machine; with egl they are the driver's.
-  RendererChoice renderer = RendererChoice::kAuto;
+  // cpu: the exports are the same bytes on every machine. Otherwise they are one driver's.
+  RendererChoice renderer = RendererChoice::kCpu;
   bool encode = false;  // run the delivery encoders too, to measure them
   Progress progress = Progress::kShow;
 };

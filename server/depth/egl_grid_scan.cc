@@ -32,11 +32,11 @@ void EglGridScan::Cells::Bind(const gl::Current& current, const gl::Program& pro
 }
 
 Result<EglGridScan::Objects> EglGridScan::Make(const gl::Current& current) const {
-  auto grid = gl::Program::Create(current, "grid", {shaders::corner_glsl, shaders::grid_vert},
-                                  {shaders::grid_frag});
+  auto grid =
+      gl::Program::Create(current, "grid", {shaders::corner_glsl, shaders::grid_vert}, {shaders::grid_frag});
   if (!grid) return tl::unexpected(grid.error());
-  auto take = gl::Program::Create(current, "take_depth", {shaders::whole_picture_vert},
-                                  {shaders::take_depth_frag});
+  auto take =
+      gl::Program::Create(current, "take_depth", {shaders::whole_picture_vert}, {shaders::take_depth_frag});
   if (!take) return tl::unexpected(take.error());
   auto surface = gl::Texture::Create(current, GL_DEPTH_COMPONENT32F, width_, height_);
   if (!surface) return tl::unexpected(surface.error());
@@ -50,10 +50,10 @@ Result<EglGridScan::Objects> EglGridScan::Make(const gl::Current& current) const
   if (!to_torn) return tl::unexpected(to_torn.error());
   auto to_depth_m = gl::Framebuffer::Create(current, {&*depth_m}, nullptr);
   if (!to_depth_m) return tl::unexpected(to_depth_m.error());
-  return Objects{std::move(*grid),       std::move(*take),        gl::VertexArray::Create(current),
-                 Cells::Create(current), Cells::Create(current),  std::move(*surface),
-                 std::move(*torn),       std::move(*depth_m),     std::move(*to_surface),
-                 std::move(*to_torn),    std::move(*to_depth_m),  {}};
+  return Objects{std::move(*grid),       std::move(*take),       gl::VertexArray::Create(current),
+                 Cells::Create(current), Cells::Create(current), std::move(*surface),
+                 std::move(*torn),       std::move(*depth_m),    std::move(*to_surface),
+                 std::move(*to_torn),    std::move(*to_depth_m), {}};
 }
 
 Result<EglGridScan> EglGridScan::Create(std::shared_ptr<gl::Gpu> gpu, const GridShape& shape, int width,
@@ -95,13 +95,18 @@ Status EglGridScan::DrawOn(const gl::Current& current, const GridCorners& corner
     using Value = std::remove_cvref_t<decltype(*field(torn[0]).data())>;
     to.buffer().Resize(current, 4 * count * sizeof(Value));
     for (std::size_t k = 0; k < 4; ++k) {
-      to.buffer().Fill(current, k * count * sizeof(Value), std::span<const Value>(field(torn[k])).first(count));
+      to.buffer().Fill(current, k * count * sizeof(Value),
+                       std::span<const Value>(field(torn[k])).first(count));
     }
   };
-  write_four(edges.x, [](const GridCorners& c) -> const auto& { return c.x; });
-  write_four(edges.y, [](const GridCorners& c) -> const auto& { return c.y; });
-  write_four(edges.outcode, [](const GridCorners& c) -> const auto& { return c.outcode; });
-  write_four(edges.inverse_z, [](const GridCorners& c) -> const auto& { return c.inverse_z; });
+  write_four(
+      edges.x, [](const GridCorners& c) -> const auto& { return c.x; });
+  write_four(
+      edges.y, [](const GridCorners& c) -> const auto& { return c.y; });
+  write_four(
+      edges.outcode, [](const GridCorners& c) -> const auto& { return c.outcode; });
+  write_four(
+      edges.inverse_z, [](const GridCorners& c) -> const auto& { return c.inverse_z; });
   whole_.resize(std::max(whole_.size(), count), kWhole);
   edges.cells.buffer().Write(current, std::span<const std::uint8_t>(whole_).first(count));
 

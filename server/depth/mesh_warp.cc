@@ -55,8 +55,7 @@ void MeshWarp::Run(ImageView<const std::uint16_t> raw, ImageView<const std::uint
 Status MeshWarp::Use(const RenderDevice& device) {
   egl_.reset();
   if (device.backend == RasterBackend::kCpu) return {};
-  auto egl =
-      EglGridScan::Create(device.gpu, cut_.shape(), target_.x1 + 1, target_.y1 + 1, lens_.near_m);
+  auto egl = EglGridScan::Create(device.gpu, cut_.shape(), target_.x1 + 1, target_.y1 + 1, lens_.near_m);
   if (!egl) return tl::unexpected(egl.error());
   egl_.emplace(std::move(*egl));
   return {};

@@ -28,9 +28,7 @@ inline Eigen::Matrix4f ClipFromPixel(int width, int height, float near_m) {
 }
 
 // The state that ClipFromPixel counts on.
-inline void UseClipFromPixel(const Current& current) {
-  current->ClipControl(GL_LOWER_LEFT, GL_ZERO_TO_ONE);
-}
+inline void UseClipFromPixel(const Current& current) { current->ClipControl(GL_LOWER_LEFT, GL_ZERO_TO_ONE); }
 
 // Triangles that run counter-clockwise for who looks at the picture.
 inline GLenum CounterClockwiseInThePicture() { return GL_CW; }

@@ -83,7 +83,7 @@ Function Load(const char* name) {
 }
 
 // GPUs first, then what draws in software, then what Mesa finds without a device.
-std::vector<EGLDisplay> Displays() {
+std::vector<EGLDisplay> Displays(Devices wanted) {
   std::vector<EGLDisplay> gpus, software;
   const char* client = eglQueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS);
   const auto query_devices = Load<PFNEGLQUERYDEVICESEXTPROC>("eglQueryDevicesEXT");
@@ -97,10 +97,12 @@ std::vector<EGLDisplay> Displays() {
     for (EGLint i = 0; i < count; ++i) {
       EGLDeviceEXT device = devices[static_cast<std::size_t>(i)];
       const bool is_software = Has(query_string(device, EGL_EXTENSIONS), "EGL_MESA_device_software");
+      if (is_software && wanted == Devices::kGpusOnly) continue;
       (is_software ? software : gpus).push_back(get_display(EGL_PLATFORM_DEVICE_EXT, device, nullptr));
     }
   }
-  if (Has(client, "EGL_MESA_platform_surfaceless")) {
+  // Every GPU is a device: what is left here draws in software.
+  if (wanted == Devices::kAny && Has(client, "EGL_MESA_platform_surfaceless")) {
     software.push_back(get_display(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr));
   }
   gpus.insert(gpus.end(), software.begin(), software.end());
@@ -128,8 +130,7 @@ EGLContext MakeContext(EGLDisplay display) {
   with_reset_notice[6] = EGL_CONTEXT_OPENGL_RESET_NOTIFICATION_STRATEGY;
   with_reset_notice[7] = EGL_LOSE_CONTEXT_ON_RESET;
   with_reset_notice[8] = EGL_NONE;
-  EGLContext context =
-      eglCreateContext(display, EGL_NO_CONFIG_KHR, EGL_NO_CONTEXT, with_reset_notice.data());
+  EGLContext context = eglCreateContext(display, EGL_NO_CONFIG_KHR, EGL_NO_CONTEXT, with_reset_notice.data());
   // A driver that cannot tell of resets still draws.
   if (context == EGL_NO_CONTEXT) {
     context = eglCreateContext(display, EGL_NO_CONFIG_KHR, EGL_NO_CONTEXT, version.data());
@@ -139,7 +140,7 @@ EGLContext MakeContext(EGLDisplay display) {
 
 bool LoadAll(Functions& gl) {
   bool all = true;
-#define MIXSTAGE_GL_LOAD(type, name)        \
+#define MIXSTAGE_GL_LOAD(type, name)             \
   gl.name = Load<decltype(gl.name)>("gl" #name); \
   all = all && gl.name != nullptr;
   MIXSTAGE_GL_FUNCTIONS(MIXSTAGE_GL_LOAD)
@@ -166,9 +167,9 @@ RendererInfo InfoOf(const Functions& gl) {
 
 }  // namespace
 
-Result<Context> Context::Create() {
+Result<Context> Context::Create(Devices devices) {
   std::shared_ptr<ContextState> software;
-  for (EGLDisplay display : Displays()) {
+  for (EGLDisplay display : Displays(devices)) {
     auto state = std::make_shared<ContextState>();
     state->display = display;
     state->context = MakeContext(display);
@@ -181,7 +182,7 @@ Result<Context> Context::Create() {
     if (!state->info.software) return Context(std::move(state));
     if (!software) software = std::move(state);
   }
-  if (!software) return Fail(ErrorCode::kUnavailable, kNoEgl);
+  if (!software || devices == Devices::kGpusOnly) return Fail(ErrorCode::kUnavailable, kNoEgl);
   return Context(std::move(software));
 }
 
@@ -208,6 +209,7 @@ Current::~Current() {
 }
 
 const Functions* Current::operator->() const { return &state_->gl; }
+void Current::GiveUp() const { state_->lost = true; }
 const RendererInfo& Current::info() const { return state_->info; }
 
 Status Current::Check(const char* what) const {
@@ -218,8 +220,8 @@ Status Current::Check(const char* what) const {
   // Several may wait; a lost context would answer for ever.
   for (int i = 0; i < 16 && state_->gl.GetError() != GL_NO_ERROR; ++i) {
   }
-  return Fail(ErrorCode::kInternal, std::string(what) + (error == GL_OUT_OF_MEMORY
-                                                             ? ": the GPU's memory is full"
+  return Fail(ErrorCode::kInternal,
+              std::string(what) + (error == GL_OUT_OF_MEMORY ? ": the GPU's memory is full"
                                                              : ": GL error " + std::to_string(error)));
 }
 

@@ -37,6 +37,8 @@ class Current {
   // Fails (kUnavailable) when the context is lost (nothing drawn since is worth anything) and kInternal when
   // GL reports an error; `what` stands in front.
   [[nodiscard]] Status Check(const char* what) const;
+  // The GPU hangs: the context counts as lost from now on.
+  void GiveUp() const;
 
  private:
   friend class Context;
@@ -45,12 +47,17 @@ class Current {
   std::shared_ptr<ContextState> state_;
 };
 
+enum class Devices {
+  kAny = 1,   // GPUs first, then software
+  kGpusOnly,  // a software driver is not even loaded (a hundred megabytes of compiler)
+};
+
 class Context {
  public:
-  // The first GPU that makes one; where there is none, the software rasteriser. Fails (kUnavailable, what to
+  // On the first device that makes one. Fails (kUnavailable, what to
   // install said) without EGL or without OpenGL 4.5. The display stays open for the life of the process: EGL
   // has one a device, shared by all contexts.
-  static Result<Context> Create();
+  static Result<Context> Create(Devices devices = Devices::kAny);
 
   // Fails (kUnavailable) when it is lost: it will not come back, make another.
   Result<Current> Enter();

@@ -11,12 +11,13 @@ constexpr std::int64_t kRetryUs = 100'000;  // while the driver is still resetti
 
 }  // namespace
 
-Gpu::Gpu(Context context) : context_(std::move(context)), info_(context_->info()) {}
+Gpu::Gpu(Context context, Devices devices)
+    : devices_(devices), context_(std::move(context)), info_(context_->info()) {}
 
-Result<std::shared_ptr<Gpu>> Gpu::Create() {
-  auto context = Context::Create();
+Result<std::shared_ptr<Gpu>> Gpu::Create(Devices devices) {
+  auto context = Context::Create(devices);
   if (!context) return tl::unexpected(context.error());
-  return std::shared_ptr<Gpu>(new Gpu(std::move(*context)));
+  return std::shared_ptr<Gpu>(new Gpu(std::move(*context), devices));
 }
 
 std::optional<Current> Gpu::Enter() {
@@ -28,7 +29,7 @@ std::optional<Current> Gpu::Enter() {
   const std::int64_t now_us = MonotonicMicros();
   if (now_us < retry_us_) return std::nullopt;
   retry_us_ = now_us + kRetryUs;
-  auto context = Context::Create();
+  auto context = Context::Create(devices_);
   if (!context) return std::nullopt;
   context_.emplace(std::move(*context));
   info_ = context_->info();

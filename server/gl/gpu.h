@@ -17,7 +17,7 @@ namespace mixstage::gl {
 class Gpu {
  public:
   // As Context::Create.
-  static Result<std::shared_ptr<Gpu>> Create();
+  static Result<std::shared_ptr<Gpu>> Create(Devices devices = Devices::kAny);
 
   // Nothing while there is no context. Two threads may not enter at once (our bug: checked).
   std::optional<Current> Enter();
@@ -29,7 +29,8 @@ class Gpu {
   void LoseForTest();
 
  private:
-  explicit Gpu(Context context);
+  Gpu(Context context, Devices devices);
+  const Devices devices_;
   std::optional<Context> context_;
   RendererInfo info_;
   std::uint64_t generation_ = 1;

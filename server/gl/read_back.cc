@@ -4,7 +4,9 @@
 namespace mixstage::gl {
 namespace {
 
-constexpr GLuint64 kPatienceNs = 1'000'000'000;
+// Longer than any picture takes. Software drivers share their cores with whatever else runs.
+constexpr GLuint64 kGpuPatienceNs = 400'000'000;
+constexpr GLuint64 kSoftwarePatienceNs = 10'000'000'000;
 
 }  // namespace
 
@@ -37,11 +39,13 @@ Status ReadBack::Start(const Current& current, const Framebuffer& from, int atta
 }
 
 Result<std::span<const std::byte>> ReadBack::Wait(const Current& current) {
-  const GLenum done = current->ClientWaitSync(fence_, GL_SYNC_FLUSH_COMMANDS_BIT, kPatienceNs);
+  const GLenum done = current->ClientWaitSync(fence_, GL_SYNC_FLUSH_COMMANDS_BIT,
+                                              current.info().software ? kSoftwarePatienceNs : kGpuPatienceNs);
   current->DeleteSync(fence_);
   fence_ = nullptr;
   if (auto ok = current.Check("read-back"); !ok) return tl::unexpected(ok.error());
   if (done != GL_ALREADY_SIGNALED && done != GL_CONDITION_SATISFIED) {
+    current.GiveUp();
     return Fail(ErrorCode::kUnavailable, "read-back: the GPU does not answer");
   }
   return std::span<const std::byte>(memory_, asked_);

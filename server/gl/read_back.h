@@ -19,7 +19,7 @@ class ReadBack {
   Status Start(const Current& current, const Framebuffer& from, int attachment, const cv::Rect& region,
                GLenum layout, GLenum type, std::size_t pixel_bytes);
   // The pixels, rows contiguous, valid until the next Start. Fails (kUnavailable) when the context was lost
-  // meanwhile, or when the GPU does not answer for a second.
+  // meanwhile, or when the GPU hangs: it then counts as lost.
   Result<std::span<const std::byte>> Wait(const Current& current);
 
  private:

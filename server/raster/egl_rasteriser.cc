@@ -82,8 +82,8 @@ Result<EglRasteriser::Targets> EglRasteriser::Targets::Create(const gl::Current&
 }
 
 Result<EglRasteriser::Objects> EglRasteriser::Objects::Create(const gl::Current& current) {
-  auto scan = gl::Program::Create(current, "scan", {shaders::corner_glsl, shaders::scan_vert},
-                                  {shaders::scan_frag});
+  auto scan =
+      gl::Program::Create(current, "scan", {shaders::corner_glsl, shaders::scan_vert}, {shaders::scan_frag});
   if (!scan) return tl::unexpected(scan.error());
   Objects objects{std::move(*scan),
                   gl::VertexArray::Create(current),

@@ -86,8 +86,8 @@ class Rasteriser {
   virtual const VisibilityBuffer& Finish() = 0;
 };
 
-// Fails (kInvalidConfig, the field named) when the camera is not valid or near_m is not in 1e-4..10, with kEgl
-// also (kUnavailable) without EGL. gpu: what kEgl draws with; null = one of its own.
+// Fails (kInvalidConfig, the field named) when the camera is not valid or near_m is not in 1e-4..10, with
+// kEgl also (kUnavailable) without EGL. gpu: what kEgl draws with; null = one of its own.
 Result<std::unique_ptr<Rasteriser>> CreateRasteriser(RasterBackend backend, const PinholeCamera& camera,
                                                      const RasterConfig& config,
                                                      std::shared_ptr<gl::Gpu> gpu = nullptr);

@@ -57,12 +57,12 @@ std::string RenderDevice::Name() const {
 
 Result<RenderDevice> ChooseBackend(RendererChoice choice) {
   if (choice == RendererChoice::kCpu) return RenderDevice{};
-  auto gpu = gl::Gpu::Create();
+  auto gpu = gl::Gpu::Create(choice == RendererChoice::kEgl ? gl::Devices::kAny : gl::Devices::kGpusOnly);
   if (choice == RendererChoice::kEgl) {
     if (!gpu) return tl::unexpected(gpu.error());
     return RenderDevice{RasterBackend::kEgl, std::move(*gpu)};
   }
-  if (!gpu || (*gpu)->info().software) return RenderDevice{};
+  if (!gpu) return RenderDevice{};
   if (auto ok = DrawsAsCpu(*gpu); !ok) {
     spdlog::warn("renderer event=gpu_refused device=\"{}\" reason=\"{}\"", (*gpu)->info().renderer,
                  ok.error().message);

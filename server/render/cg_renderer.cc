@@ -138,8 +138,7 @@ struct CgRenderer::State {
 
     const auto shading_start = std::chrono::steady_clock::now();
     Cover(PixelsOf(samples.touched, region));
-    const FragmentSource source{scene,  camera_light, samples,
-                                region, rays,         PixelRad()};
+    const FragmentSource source{scene, camera_light, samples, region, rays, PixelRad()};
     for (int v = layer.bounds.y; v < layer.bounds.br().y; ++v) shader.ShadeRow(source, v, layer);
     timing.shading_ms = MillisecondsSince(shading_start);
   }

@@ -22,8 +22,8 @@ struct SurfaceRecord {
   std::array<float, 3> base_color{};
   float metallic = 0;
   float shininess = 1, base_alpha = 1;
-  float alpha_cutoff = -1;  // < 0: no mask
-  float front = 1;          // -1: mirrored object
+  float alpha_cutoff = -1;                                                 // < 0: no mask
+  float front = 1;                                                         // -1: mirrored object
   std::int32_t first_level = -1, level_count = 0, wrap_u = 0, wrap_v = 0;  // -1: no texture
   std::int32_t color_shift = 0;  // 1 + what leads from a vertex to its colour; 0: no colours
   std::uint32_t object_id = 0;
@@ -69,21 +69,28 @@ EglShading::EglShading(std::shared_ptr<gl::Gpu> gpu, const cv::Mat2f& rays, floa
 }
 
 Result<EglShading::Objects> EglShading::Make(const gl::Current& current) const {
-  auto shade =
-      gl::Program::Create(current, "shade", {shaders::whole_picture_vert}, {shaders::shade_frag});
+  auto shade = gl::Program::Create(current, "shade", {shaders::whole_picture_vert}, {shaders::shade_frag});
   if (!shade) return tl::unexpected(shade.error());
   auto rays = gl::Texture::Create(current, GL_RG32F, rays_.cols, rays_.rows);
   if (!rays) return tl::unexpected(rays.error());
   rays->Write(current, GL_RG, GL_FLOAT, std::span<const cv::Vec2f>(rays_.ptr<cv::Vec2f>(0), rays_.total()));
   auto buffer = [&](GLenum format) { return gl::BufferTexture::Create(current, format); };
-  Objects objects{std::move(*shade),    gl::VertexArray::Create(current),
-                  std::move(*rays),     buffer(GL_RGBA32F),
-                  buffer(GL_RGBA32UI),  buffer(GL_RGBA32UI),
-                  buffer(GL_RGBA32UI),  buffer(GL_RGB32F),
-                  buffer(GL_RGBA32UI),  buffer(GL_RGBA16),
-                  buffer(GL_RGBA32F),   {},
-                  {},                   {},
-                  {},                   {}};
+  Objects objects{std::move(*shade),
+                  gl::VertexArray::Create(current),
+                  std::move(*rays),
+                  buffer(GL_RGBA32F),
+                  buffer(GL_RGBA32UI),
+                  buffer(GL_RGBA32UI),
+                  buffer(GL_RGBA32UI),
+                  buffer(GL_RGB32F),
+                  buffer(GL_RGBA32UI),
+                  buffer(GL_RGBA16),
+                  buffer(GL_RGBA32F),
+                  {},
+                  {},
+                  {},
+                  {},
+                  {}};
   if (auto ok = current.Check("shade"); !ok) return tl::unexpected(ok.error());
   return objects;
 }
@@ -129,7 +136,8 @@ Status EglShading::Shade(const gl::Current& current, const CameraScene& scene,
   if (auto ok = SendSurfaces(current, scene, *o); !ok) return ok;
   if (auto ok = SendLights(current, light, *o); !ok) return ok;
   const std::size_t vertices = scene.vertices().size();
-  if (auto ok = o->vertices.Write(current, std::span<const CameraVertex>(scene.vertices()), 2 * vertices); !ok)
+  if (auto ok = o->vertices.Write(current, std::span<const CameraVertex>(scene.vertices()), 2 * vertices);
+      !ok)
     return ok;
 
   const std::array<std::pair<const char*, const gl::BufferTexture*>, 8> buffers = {
@@ -151,7 +159,8 @@ Status EglShading::Shade(const gl::Current& current, const CameraScene& scene,
   shade.Set(current, "rays", 1);
   o->rays.Bind(current, 1);
   shade.Set(current, "first_pixel", bounds.x, bounds.y);
-  shade.Set(current, "first_sample", kSampleScale * (bounds.x - region.x), kSampleScale * (bounds.y - region.y));
+  shade.Set(current, "first_sample", kSampleScale * (bounds.x - region.x),
+            kSampleScale * (bounds.y - region.y));
   shade.Set(current, "pixel_rad", pixel_rad_);
   shade.Set(current, "light_count", static_cast<int>(light.lights.size()));
   shade.Set3(current, "up", light.up.data());
@@ -195,10 +204,11 @@ Status EglShading::SendModels(const gl::Current& current, const CameraScene& sce
       for (const TextureMips& texture : mesh.textures) {
         const TextureMips::LevelTable& table = texture.table();
         for (std::size_t level = 0; level < TextureMips::kMostLevels; ++level) {
-          levels.push_back({static_cast<std::uint32_t>(texels) + static_cast<std::uint32_t>(table.first[level]),
-                            static_cast<std::uint32_t>(table.stride[level]),
-                            static_cast<std::uint32_t>(table.width[level]),
-                            static_cast<std::uint32_t>(table.height[level])});
+          levels.push_back(
+              {static_cast<std::uint32_t>(texels) + static_cast<std::uint32_t>(table.first[level]),
+               static_cast<std::uint32_t>(table.stride[level]),
+               static_cast<std::uint32_t>(table.width[level]),
+               static_cast<std::uint32_t>(table.height[level])});
         }
         textures.push_back(&texture);
         texels += texture.texel_count();
@@ -217,10 +227,12 @@ Status EglShading::SendModels(const gl::Current& current, const CameraScene& sce
     }
     surfaces += mesh.mesh->materials.size();
   }
-  if (auto ok = o.triangles.Write(current, std::span<const Words>(triangles), triangles.size()); !ok) return ok;
+  if (auto ok = o.triangles.Write(current, std::span<const Words>(triangles), triangles.size()); !ok)
+    return ok;
   if (auto ok = o.keys.Write(current, std::span<const Words>(keys), keys.size()); !ok) return ok;
   if (auto ok = o.levels.Write(current, std::span<const Words>(levels), levels.size()); !ok) return ok;
-  if (auto ok = o.colors.Write(current, std::span<const Eigen::Vector3f>(colors), colors.size()); !ok) return ok;
+  if (auto ok = o.colors.Write(current, std::span<const Eigen::Vector3f>(colors), colors.size()); !ok)
+    return ok;
   constexpr std::size_t kTexelBytes = 4 * sizeof(std::uint16_t);
   if (auto ok = o.texels.CheckSize(current, texels); !ok) return ok;
   o.texels.buffer().Resize(current, texels * kTexelBytes);
@@ -259,15 +271,16 @@ Status EglShading::SendSurfaces(const gl::Current& current, const CameraScene& s
       }
       if (!mesh.colors.empty()) {
         // Never 0 by chance: -1 and below stand for colours that begin before the vertices.
-        const auto shift = static_cast<std::int64_t>(sent_[i].first_color) -
-                           static_cast<std::int64_t>(object.first_vertex);
+        const auto shift =
+            static_cast<std::int64_t>(sent_[i].first_color) - static_cast<std::int64_t>(object.first_vertex);
         record.color_shift = static_cast<std::int32_t>(shift >= 0 ? shift + 1 : shift);
       }
       record.object_id = static_cast<std::uint32_t>(std::min(object.index + 1, 255));
       surfaces.push_back(record);
     }
   }
-  return o.surfaces.Write(current, std::span<const SurfaceRecord>(surfaces), kSurfaceTexels * surfaces.size());
+  return o.surfaces.Write(current, std::span<const SurfaceRecord>(surfaces),
+                          kSurfaceTexels * surfaces.size());
 }
 
 Status EglShading::SendLights(const gl::Current& current, const CameraIllumination& light, const Objects& o) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The depth picture warped into the colour view, core-ms a picture (one thread).
+// The depth picture warped into the colour view, core-ms a picture (egl: over all threads of the process).
 #include <benchmark/benchmark.h>
 
 #include <cmath>
@@ -69,8 +69,10 @@ Rig LargeRig() {
   return rig;
 }
 
-void Warp(benchmark::State& state, const Rig& rig) {
-  auto warp = *DepthWarp::Create(rig, {});
+void Warp(benchmark::State& state, const Rig& rig, RendererChoice choice) {
+  const auto device = ChooseBackend(choice);
+  if (!device) return state.SkipWithError(device.error().message.c_str());
+  auto warp = *DepthWarp::Create(rig, {}, *device);
   const cv::Mat1w raw = NoisyRoom(*rig.depth);
   cv::Mat1f depth_m(rig.color.height, rig.color.width);
   for (auto _ : state) {
@@ -78,10 +80,18 @@ void Warp(benchmark::State& state, const Rig& rig) {
   }
   state.counters["known"] = cv::countNonZero(depth_m) / static_cast<double>(depth_m.total());
 }
-void WarpTimeOfFlight(benchmark::State& state) { Warp(state, TimeOfFlightRig()); }
-BENCHMARK(WarpTimeOfFlight)->Unit(benchmark::kMillisecond);
-void WarpLarge(benchmark::State& state) { Warp(state, LargeRig()); }
-BENCHMARK(WarpLarge)->Unit(benchmark::kMillisecond);
+void WarpTimeOfFlight(benchmark::State& state, RendererChoice choice) {
+  Warp(state, TimeOfFlightRig(), choice);
+}
+BENCHMARK_CAPTURE(WarpTimeOfFlight, cpu, RendererChoice::kCpu)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(WarpTimeOfFlight, egl, RendererChoice::kEgl)
+    ->MeasureProcessCPUTime()
+    ->Unit(benchmark::kMillisecond);
+void WarpLarge(benchmark::State& state, RendererChoice choice) { Warp(state, LargeRig(), choice); }
+BENCHMARK_CAPTURE(WarpLarge, cpu, RendererChoice::kCpu)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(WarpLarge, egl, RendererChoice::kEgl)
+    ->MeasureProcessCPUTime()
+    ->Unit(benchmark::kMillisecond);
 
 // The part of it before the rasteriser.
 void CutTimeOfFlight(benchmark::State& state) {

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Visibility of triangle meshes, core-ms a picture (one thread).
+// Visibility of triangle meshes, core-ms a picture: cpu on one thread, egl over all threads of the process (a
+// software driver's too).
 #include <benchmark/benchmark.h>
 
 #include <cmath>
 #include <numbers>
 #include <vector>
 
+#include "server/gl/gpu.h"
 #include "server/raster/rasteriser.h"
 #include "server/raster/scan.h"
 
@@ -51,8 +53,11 @@ Mesh Sphere(int rings, float radius_m, float distance_m) {
   return mesh;
 }
 
-void Draw(benchmark::State& state, const Mesh& mesh, const PictureGrid& grid, Faces faces) {
-  auto rasteriser = *CreateRasteriser(RasterBackend::kCpu, Camera(), {});
+void Draw(benchmark::State& state, RasterBackend backend, const Mesh& mesh, const PictureGrid& grid,
+          Faces faces) {
+  auto made = CreateRasteriser(backend, Camera(), {});
+  if (!made) return state.SkipWithError(made.error().message.c_str());
+  const auto rasteriser = std::move(*made);
   for (auto _ : state) {
     rasteriser->Begin(grid);
     rasteriser->Draw({mesh.positions, mesh.indices}, Eigen::Affine3d::Identity(), 0, faces);
@@ -64,33 +69,69 @@ void Draw(benchmark::State& state, const Mesh& mesh, const PictureGrid& grid, Fa
 }
 
 // 15 % of the picture.
-void RasterSphere(benchmark::State& state) {
-  Draw(state, Sphere(static_cast<int>(state.range(0)), 0.5f, 2.9f), {}, static_cast<Faces>(state.range(1)));
+void RasterSphere(benchmark::State& state, RasterBackend backend) {
+  Draw(state, backend, Sphere(static_cast<int>(state.range(0)), 0.5f, 2.9f), {},
+       static_cast<Faces>(state.range(1)));
 }
-BENCHMARK(RasterSphere)
+BENCHMARK_CAPTURE(RasterSphere, cpu, RasterBackend::kCpu)
     ->Args({71, 1})
     ->Args({71, 2})
     ->Args({112, 1})
     ->Args({112, 2})
     ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(RasterSphere, egl, RasterBackend::kEgl)
+    ->Args({71, 1})
+    ->Args({112, 2})
+    ->MeasureProcessCPUTime()
+    ->Unit(benchmark::kMillisecond);
 
-void RasterSphereFourTimesFiner(benchmark::State& state) {
-  Draw(state, Sphere(71, 0.5f, 2.9f), {.scale = 4, .region_px = {300, 150, 440, 440}}, Faces::kFrontOnly);
+void RasterSphereFourTimesFiner(benchmark::State& state, RasterBackend backend) {
+  Draw(state, backend, Sphere(71, 0.5f, 2.9f), {.scale = 4, .region_px = {300, 150, 440, 440}},
+       Faces::kFrontOnly);
 }
-BENCHMARK(RasterSphereFourTimesFiner)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(RasterSphereFourTimesFiner, cpu, RasterBackend::kCpu)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(RasterSphereFourTimesFiner, egl, RasterBackend::kEgl)
+    ->MeasureProcessCPUTime()
+    ->Unit(benchmark::kMillisecond);
 
 // The inside of a sphere around the camera: a room of 150k triangles, most of them outside the view.
-void RasterRoomAround(benchmark::State& state) { Draw(state, Sphere(194, 4.0f, 0.0f), {}, Faces::kBoth); }
-BENCHMARK(RasterRoomAround)->Unit(benchmark::kMillisecond);
+void RasterRoomAround(benchmark::State& state, RasterBackend backend) {
+  Draw(state, backend, Sphere(194, 4.0f, 0.0f), {}, Faces::kBoth);
+}
+BENCHMARK_CAPTURE(RasterRoomAround, cpu, RasterBackend::kCpu)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(RasterRoomAround, egl, RasterBackend::kEgl)
+    ->MeasureProcessCPUTime()
+    ->Unit(benchmark::kMillisecond);
 
 // Two triangles that fill the view: everything is splitting.
-void RasterWall(benchmark::State& state) {
+void RasterWall(benchmark::State& state, RasterBackend backend) {
   Mesh wall;
   wall.positions = {{-9, -7, 4}, {9, -7, 5}, {9, 7, 4}, {-9, 7, 3}};
   wall.indices = {0, 1, 2, 0, 2, 3};
-  Draw(state, wall, {}, Faces::kBoth);
+  Draw(state, backend, wall, {}, Faces::kBoth);
 }
-BENCHMARK(RasterWall)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(RasterWall, cpu, RasterBackend::kCpu)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(RasterWall, egl, RasterBackend::kEgl)
+    ->MeasureProcessCPUTime()
+    ->Unit(benchmark::kMillisecond);
+
+// From a lost context to the first picture of the new one.
+void RecoverFromLoss(benchmark::State& state) {
+  auto gpu = gl::Gpu::Create();
+  if (!gpu) return state.SkipWithError(gpu.error().message.c_str());
+  auto rasteriser = *CreateRasteriser(RasterBackend::kEgl, Camera(), {}, *gpu);
+  const Mesh mesh = Sphere(71, 0.5f, 2.9f);
+  for (auto _ : state) {
+    const std::uint64_t before = (*gpu)->generation();
+    (*gpu)->LoseForTest();
+    while ((*gpu)->generation() == before) {
+      rasteriser->Begin({});
+      rasteriser->Draw({mesh.positions, mesh.indices}, Eigen::Affine3d::Identity(), 0, Faces::kBoth);
+      benchmark::DoNotOptimize(rasteriser->Finish().depth_m.data);
+    }
+  }
+}
+BENCHMARK(RecoverFromLoss)->Iterations(5)->UseRealTime()->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace mixstage

@@ -70,9 +70,11 @@ Scene BallScene() {
   return scene;
 }
 
-void RedrawBall(benchmark::State& state) {
+void RedrawBall(benchmark::State& state, RendererChoice choice) {
   Scene scene = BallScene();
-  auto renderer = CgRenderer::Create({}, Camera());
+  const auto device = ChooseBackend(choice);
+  if (!device) return state.SkipWithError(device.error().message.c_str());
+  auto renderer = CgRenderer::Create({}, Camera(), *device);
   MIX_CHECK(renderer.has_value());
   const Illumination light = IlluminationOf(scene);
   double visibility_ms = 0;
@@ -91,7 +93,12 @@ void RedrawBall(benchmark::State& state) {
   state.counters["covered_%"] = 100.0 * covered / (1024 * 768);
   state.counters["triangles"] = static_cast<double>(scene.objects[0].mesh->triangle_count());
 }
-BENCHMARK(RedrawBall)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(RedrawBall, cpu, RendererChoice::kCpu)
+    ->MeasureProcessCPUTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(RedrawBall, egl, RendererChoice::kEgl)
+    ->MeasureProcessCPUTime()
+    ->Unit(benchmark::kMillisecond);
 
 void SceneAtRest(benchmark::State& state) {
   const Scene scene = BallScene();

@@ -78,7 +78,7 @@ class RasteriserTest : public testing::TestWithParam<RasterBackend> {
   }
 };
 INSTANTIATE_TEST_SUITE_P(BackEnds, RasteriserTest, testing::Values(RasterBackend::kCpu, RasterBackend::kEgl),
-                         [](const auto& info) { return info.param == RasterBackend::kCpu ? "cpu" : "egl"; });
+                         [](const auto& each) { return each.param == RasterBackend::kCpu ? "cpu" : "egl"; });
 
 TEST_P(RasteriserTest, PlaneOfTwoTrianglesHasTheRaysDepthThroughAStrongLens) {
   const PinholeCamera camera = StrongLens();

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "tests/server/render/test_scenes.h"
+#include "tests/support/egl_or_skip.h"
 
 namespace mixstage {
 namespace {
@@ -18,9 +19,20 @@ using test::Placed;
 using test::Rectangle;
 using test::StraightCamera;
 
+// What holds for a back end holds for each.
+class CgRendererTest : public testing::TestWithParam<RasterBackend> {
+ protected:
+  void SetUp() override {
+    if (GetParam() == RasterBackend::kEgl) MIXSTAGE_SKIP_WITHOUT_EGL();
+  }
+};
+INSTANTIATE_TEST_SUITE_P(BackEnds, CgRendererTest, testing::Values(RasterBackend::kCpu, RasterBackend::kEgl),
+                         [](const auto& each) { return each.param == RasterBackend::kCpu ? "cpu" : "egl"; });
+
 class Stage {
  public:
-  explicit Stage(const PinholeCamera& camera) : renderer_(*CgRenderer::Create({}, camera)) {}
+  explicit Stage(const PinholeCamera& camera)
+      : renderer_(*CgRenderer::Create({}, camera, {CgRendererTest::GetParam(), test::SharedGpu()})) {}
   const CgLayer& Draw(const Scene& scene, const Illumination& light = EvenLight()) {
     return renderer_.Run(scene, RigidTransform::Identity(), light);
   }
@@ -53,7 +65,7 @@ Mesh TwoColours() {
   return mesh;
 }
 
-TEST(CgRenderer, TextureLandsWhereTheCameraModelSays) {
+TEST_P(CgRendererTest, TextureLandsWhereTheCameraModelSays) {
   for (const PinholeCamera& camera : {StraightCamera(), DistortedCamera()}) {
     Stage stage(camera);
     const Eigen::Affine3d T = At(0.6, 0.3, 2.5) * Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitY()) *
@@ -87,7 +99,7 @@ double Area(const std::vector<Eigen::Vector2d>& outline) {
   return std::abs(0.5 * twice);
 }
 
-TEST(CgRenderer, CoverageSumsToTheAnalyticArea) {
+TEST_P(CgRendererTest, CoverageSumsToTheAnalyticArea) {
   for (const PinholeCamera& camera : {StraightCamera(), DistortedCamera()}) {
     Stage stage(camera);
     const Eigen::Affine3d T = At(0.37, -0.21, 2.2) * Eigen::AngleAxisd(0.6, Eigen::Vector3d::UnitX()) *
@@ -106,7 +118,7 @@ TEST(CgRenderer, CoverageSumsToTheAnalyticArea) {
   }
 }
 
-TEST(CgRenderer, DepthIsWhereTheRayMeetsThePlane) {
+TEST_P(CgRendererTest, DepthIsWhereTheRayMeetsThePlane) {
   const PinholeCamera camera = DistortedCamera();
   Stage stage(camera);
   const Eigen::Affine3d T = At(0, 0, 3) * Eigen::AngleAxisd(0.8, Eigen::Vector3d::UnitY());
@@ -125,7 +137,7 @@ TEST(CgRenderer, DepthIsWhereTheRayMeetsThePlane) {
   EXPECT_GT(compared, 1000);
 }
 
-TEST(CgRenderer, NearerObjectHidesTheFarther) {
+TEST_P(CgRendererTest, NearerObjectHidesTheFarther) {
   Mesh red = Rectangle(1, 1);
   red.materials[0].base_color = {1, 0, 0};
   Mesh green = Rectangle(1, 1);
@@ -142,7 +154,7 @@ TEST(CgRenderer, NearerObjectHidesTheFarther) {
   }
 }
 
-TEST(CgRenderer, PixelsOfTwoSurfacesAreMixedInLinearLight) {
+TEST_P(CgRendererTest, PixelsOfTwoSurfacesAreMixedInLinearLight) {
   // A bright rectangle over a dark one; the bright one's left edge cuts column 160 in half.
   Mesh dark = Rectangle(2, 2);
   dark.materials[0].base_color.setZero();
@@ -155,7 +167,7 @@ TEST(CgRenderer, PixelsOfTwoSurfacesAreMixedInLinearLight) {
   EXPECT_FLOAT_EQ((*ColorAt(layer, 160, 120))[3], 1.0f);
 }
 
-TEST(CgRenderer, LitSideIsBrighter) {
+TEST_P(CgRendererTest, LitSideIsBrighter) {
   // A roof of two slopes, the sun from the left.
   Illumination light = EvenLight();
   light.ambient_above.setConstant(0.1f);
@@ -172,7 +184,7 @@ TEST(CgRenderer, LitSideIsBrighter) {
   EXPECT_GT((*ColorAt(layer, 110, 120))[0], 3 * (*ColorAt(layer, 210, 120))[0]);
 }
 
-TEST(CgRenderer, PointLightFallsWithTheSquareOfItsDistance) {
+TEST_P(CgRendererTest, PointLightFallsWithTheSquareOfItsDistance) {
   Illumination light;
   Light lamp;
   lamp.shape = PointLight{Eigen::Vector3d(0, 0, 1)};
@@ -185,7 +197,7 @@ TEST(CgRenderer, PointLightFallsWithTheSquareOfItsDistance) {
   EXPECT_NEAR(near_one / far_one, 4.0f, 0.1f);
 }
 
-TEST(CgRenderer, OneSidedSurfacesAreNotSeenFromBehind) {
+TEST_P(CgRendererTest, OneSidedSurfacesAreNotSeenFromBehind) {
   const Eigen::Affine3d turned = At(0, 0, 3) * Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitY());
   Mesh two_sided = Rectangle(1, 1);
   two_sided.materials[0].double_sided = true;
@@ -194,7 +206,7 @@ TEST(CgRenderer, OneSidedSurfacesAreNotSeenFromBehind) {
   EXPECT_NEAR(Coverage(stage.Draw(CameraScene({Placed(two_sided, turned)}))), 1e4, 1e2);
 }
 
-TEST(CgRenderer, BackOfATwoSidedSurfaceAndAMirroredFrontAreLitLikeAFront) {
+TEST_P(CgRendererTest, BackOfATwoSidedSurfaceAndAMirroredFrontAreLitLikeAFront) {
   Illumination light;
   Light sun;
   sun.shape = DirectionalLight{Eigen::Vector3d(0, 0, -1)};
@@ -214,7 +226,7 @@ TEST(CgRenderer, BackOfATwoSidedSurfaceAndAMirroredFrontAreLitLikeAFront) {
   EXPECT_NEAR(brightness(two_sided, mirrored), front, 1e-3);
 }
 
-TEST(CgRenderer, MinifiedTextureShowsItsMean) {
+TEST_P(CgRendererTest, MinifiedTextureShowsItsMean) {
   // A checkerboard of single texels, 1024 across some 50 pixels: anything but the mean would be a moire.
   Mesh mesh = Rectangle(0.5f, 0.5f);
   Texture texture;
@@ -237,7 +249,7 @@ TEST(CgRenderer, MinifiedTextureShowsItsMean) {
   EXPECT_GT(inside, 500);
 }
 
-TEST(CgRenderer, MaskedTexelsAreNotThere) {
+TEST_P(CgRendererTest, MaskedTexelsAreNotThere) {
   Mesh mesh = TwoColours();
   Texture& texture = mesh.textures[0];
   texture.rgba.colRange(0, 32).setTo(cv::Scalar(255, 0, 0, 0));
@@ -249,7 +261,7 @@ TEST(CgRenderer, MaskedTexelsAreNotThere) {
   EXPECT_NEAR(DepthAt(layer, 190, 120), 3, 1e-4);
 }
 
-TEST(CgRenderer, LayerRestsWhileNothingChanges) {
+TEST_P(CgRendererTest, LayerRestsWhileNothingChanges) {
   Scene scene = CameraScene({Placed(Rectangle(1, 1), At(0, 0, 3))});
   Stage stage(StraightCamera());
   const std::uint64_t first = stage.Draw(scene).drawing;
@@ -262,7 +274,7 @@ TEST(CgRenderer, LayerRestsWhileNothingChanges) {
   EXPECT_NE(stage.Draw(scene, dimmed).drawing, moved);
 }
 
-TEST(CgRenderer, SmallerRedrawLeavesNothingOfTheLarger) {
+TEST_P(CgRendererTest, SmallerRedrawLeavesNothingOfTheLarger) {
   Stage used(StraightCamera());
   used.Draw(CameraScene({Placed(Rectangle(2, 2), At(0, 0, 3))}));
   const Scene small = CameraScene({Placed(Rectangle(0.5f, 0.5f), At(0.3, 0, 3))});
@@ -274,7 +286,7 @@ TEST(CgRenderer, SmallerRedrawLeavesNothingOfTheLarger) {
   EXPECT_EQ(cv::norm(after.depth_m, alone.depth_m, cv::NORM_INF), 0);
 }
 
-TEST(CgRenderer, BoundsAreEvenAndInsideThePicture) {
+TEST_P(CgRendererTest, BoundsAreEvenAndInsideThePicture) {
   Stage stage(StraightCamera());
   for (const Eigen::Affine3d& T : {At(0.013, 0.007, 3), At(1.6, 0, 3), At(-1.7, -1.2, 3), At(0, 0, 0.3)}) {
     const cv::Rect bounds = stage.Draw(CameraScene({Placed(Rectangle(1, 1), T)})).bounds;
@@ -284,14 +296,14 @@ TEST(CgRenderer, BoundsAreEvenAndInsideThePicture) {
   }
 }
 
-TEST(CgRenderer, NothingInViewIsAnEmptyLayer) {
+TEST_P(CgRendererTest, NothingInViewIsAnEmptyLayer) {
   Stage stage(DistortedCamera());
   EXPECT_TRUE(stage.Draw(CameraScene({})).bounds.empty());
   EXPECT_TRUE(stage.Draw(CameraScene({Placed(Rectangle(1, 1), At(0, 0, -3))})).bounds.empty());
   EXPECT_TRUE(stage.Draw(CameraScene({Placed(Rectangle(1, 1), At(50, 0, 3))})).bounds.empty());
 }
 
-TEST(CgRenderer, InvalidCameraIsRefused) {
+TEST_P(CgRendererTest, InvalidCameraIsRefused) {
   PinholeCamera camera = StraightCamera();
   camera.fx = 0;
   EXPECT_FALSE(CgRenderer::Create({}, camera));
