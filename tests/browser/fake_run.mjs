@@ -93,7 +93,9 @@ const kLoginChecks = {
     await director.find('token').fill(kViewerToken);
     await director.page.keyboard.press('Enter');
     await director.until('a scene', () => (document.documentElement.dataset.scene ?? '') !== '');
-    assert.match(await director.text('user'), /ben/);
+    await director.until('his name', () =>
+      /^ben \(viewer\)$/.test(document.querySelector('[data-testid="user"]').textContent),
+    );
     for (const name of ['add', 'save', 'undo', 'hide-1', 'delete-1'])
       assert.equal(await director.find(name).isVisible(), false, name);
     assert.equal(await director.find('light-1').isDisabled(), true);
@@ -117,7 +119,10 @@ const kLoginChecks = {
       'a handle',
       () => document.querySelector('[data-testid="save"]')?.checkVisibility() === true,
     );
-    assert.equal(await director.text('user'), 'anna');
+    await director.until(
+      'her name',
+      () => document.querySelector('[data-testid="user"]').textContent === 'anna',
+    );
   },
 };
 
@@ -165,7 +170,7 @@ async function main() {
   await visit(browser, new FakeShow({ page }), shots, { ...kSceneChecks, ...kLooksChecks });
   await visit(browser, new FakeShow({ page, login: true }), shots, kLoginChecks);
   await browser.close();
-  const bare = await launch(['--disable-3d-apis']);
+  const bare = await launch(['--disable-webgl', '--disable-webgl2', '--disable-software-rasterizer']);
   await visit(bare, new FakeShow({ page }), shots, kNoWebGlChecks);
   await bare.close();
   console.log(

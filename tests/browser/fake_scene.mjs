@@ -41,7 +41,14 @@ export class FakeScene {
         color: [1, 0.89, 0.71],
         intensity: 6,
       },
-      { id: 2, name: 'window', kind: 'directional', color: [0.69, 0.85, 1], intensity: 0.25 },
+      {
+        id: 2,
+        name: 'window',
+        kind: 'directional',
+        position: [0, 0.71, 0.71],
+        color: [0.69, 0.85, 1],
+        intensity: 0.25,
+      },
     ],
   };
 

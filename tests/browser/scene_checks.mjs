@@ -239,6 +239,7 @@ export const kSceneChecks = {
   'the 3D view alone fills the page': async ({ director }) => {
     for (const key of ['1', '2', '3']) await director.page.keyboard.press(key);
     await director.until('meshes alone', () => document.documentElement.dataset.streams === 'mesh');
+    await director.untilState('LIVE');
     await director.shoot('room_alone');
     for (const key of ['1', '2', '3']) await director.page.keyboard.press(key);
     await director.untilMoreFrames('frames', 2);

@@ -1,7 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 import { accept, refuse, type Decoded } from './decoded';
 import type { Edit } from './edit';
-import { FieldError, amountAt, numberAt, recordOf, recordsAt, textAt, type JsonRecord } from './json_fields';
+import {
+  FieldError,
+  amountAt,
+  choiceAt,
+  numberAt,
+  recordOf,
+  recordsAt,
+  textAt,
+  type JsonRecord,
+} from './json_fields';
 import { kStreamNames, type StreamName } from './picture_message';
 import { sceneOf, type Scene } from './scene';
 import { statsOf, type Stats } from './stats';
@@ -91,13 +100,6 @@ function offersAt(record: JsonRecord): StreamOffer[] {
   });
 }
 
-function roleOf(record: JsonRecord): Role {
-  if (record['role'] === undefined) return 'viewer';
-  const role = kRoles.find((known) => known === record['role']);
-  if (role === undefined) throw new FieldError(`role is none of ${kRoles.join(', ')}`);
-  return role;
-}
-
 function cameraOf(record: JsonRecord): Pinhole | null {
   if (record['camera'] === undefined) return null;
   const camera = recordOf(record['camera'], 'camera');
@@ -121,7 +123,7 @@ function helloOf(record: JsonRecord): Hello {
     name: known ? textAt(record, 'name') : '',
     server_us: known ? numberAt(record, 'server_us') : 0,
     streams: known ? offersAt(record) : [],
-    role: known ? roleOf(record) : 'viewer',
+    role: known && record['role'] !== undefined ? choiceAt(record, 'role', kRoles) : 'viewer',
     camera: known ? cameraOf(record) : null,
   };
 }

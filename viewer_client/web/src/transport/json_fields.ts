@@ -53,6 +53,13 @@ export function textsAt(record: JsonRecord, key: string): string[] {
   });
 }
 
+/** One of the names that are known. */
+export function choiceAt<T extends string>(record: JsonRecord, key: string, choices: readonly T[]): T {
+  const choice = choices.find((known) => known === record[key]);
+  if (choice === undefined) throw new FieldError(`${key} is none of ${choices.join(', ')}`);
+  return choice;
+}
+
 export function flagAt(record: JsonRecord, key: string): boolean {
   const value = record[key];
   if (typeof value !== 'boolean') throw new FieldError(`${key} is neither true nor false`);

@@ -2,6 +2,7 @@
 import {
   FieldError,
   amountAt,
+  choiceAt,
   flagAt,
   idAt,
   numberAt,
@@ -14,13 +15,17 @@ import {
 
 export type Vector3 = [number, number, number];
 
+const kFrames = ['world', 'camera'] as const;
+const kBodies = ['isolated', 'mutual', 'actor'] as const;
+const kLightKinds = ['area', 'directional', 'point'] as const;
+
 export interface SceneObject {
   id: number;
   name: string;
   file: string;
   /** T_scene_object, row-major 4 x 4. */
   pose: number[];
-  body: string;
+  body: (typeof kBodies)[number];
   triangles: number;
   /** x0, y0, z0, x1, y1, z1 in the file's own coordinates. */
   bounds: number[];
@@ -34,9 +39,9 @@ export interface SceneObject {
 export interface SceneLight {
   id: number;
   name: string;
-  kind: string;
-  /** Null for light from far away. */
-  position: Vector3 | null;
+  kind: (typeof kLightKinds)[number];
+  /** In the scene's frame, metres; of a directional light the unit vector toward it. */
+  position: Vector3;
   /** Linear, 0..1 each. */
   color: Vector3;
   intensity: number;
@@ -45,7 +50,7 @@ export interface SceneLight {
 /** SPEC 4.5: what stands in the show beside room and actor. */
 export interface Scene {
   revision: number;
-  frame: 'world' | 'camera';
+  frame: (typeof kFrames)[number];
   up: Vector3;
   can_undo: boolean;
   can_redo: boolean;
@@ -68,7 +73,7 @@ function objectOf(record: JsonRecord): SceneObject {
     name: textAt(record, 'name'),
     file: textAt(record, 'file'),
     pose: numbersAt(record, 'pose', 16),
-    body: textAt(record, 'body'),
+    body: choiceAt(record, 'body', kBodies),
     triangles: amountAt(record, 'triangles'),
     bounds: numbersAt(record, 'bounds', 6),
     base: vectorAt(record, 'base'),
@@ -78,21 +83,14 @@ function objectOf(record: JsonRecord): SceneObject {
 }
 
 function lightOf(record: JsonRecord): SceneLight {
-  const placed = record['position'] !== undefined && record['position'] !== null;
   return {
     id: idAt(record, 'id'),
     name: textAt(record, 'name'),
-    kind: textAt(record, 'kind'),
-    position: placed ? vectorAt(record, 'position') : null,
+    kind: choiceAt(record, 'kind', kLightKinds),
+    position: vectorAt(record, 'position'),
     color: vectorAt(record, 'color'),
     intensity: amountAt(record, 'intensity'),
   };
-}
-
-function frameOf(record: JsonRecord): Scene['frame'] {
-  const frame = record['frame'];
-  if (frame !== 'world' && frame !== 'camera') throw new FieldError('frame is neither world nor camera');
-  return frame;
 }
 
 function upOf(record: JsonRecord): Vector3 {
@@ -106,7 +104,7 @@ function upOf(record: JsonRecord): Vector3 {
 export function sceneOf(record: JsonRecord): Scene {
   return {
     revision: numberAt(record, 'revision'),
-    frame: frameOf(record),
+    frame: choiceAt(record, 'frame', kFrames),
     up: upOf(record),
     can_undo: flagAt(record, 'can_undo'),
     can_redo: flagAt(record, 'can_redo'),

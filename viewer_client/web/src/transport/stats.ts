@@ -2,6 +2,7 @@
 import {
   FieldError,
   amountAt,
+  choiceAt,
   countersAt,
   flagAt,
   numberAt,
@@ -90,12 +91,6 @@ function recordingAt(record: JsonRecord, key: string): Recording {
   };
 }
 
-function stateOf(record: JsonRecord): ServerState {
-  const state = kServerStates.find((known) => known === record['state']);
-  if (state === undefined) throw new FieldError(`state is none of ${kServerStates.join(', ')}`);
-  return state;
-}
-
 function stageOf(record: JsonRecord): StageTime {
   return {
     name: textAt(record, 'name'),
@@ -128,7 +123,7 @@ export function statsOf(record: JsonRecord): Stats {
   const latency = recordOf(record['latency_ms'], 'latency_ms');
   return {
     server_us: numberAt(record, 'server_us'),
-    state: stateOf(record),
+    state: choiceAt(record, 'state', kServerStates),
     message: textAt(record, 'message'),
     fps: amountAt(record, 'fps'),
     frames: amountAt(record, 'frames'),

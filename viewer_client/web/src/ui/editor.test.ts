@@ -142,7 +142,11 @@ describe('the editor', () => {
   });
 
   it('tells what another did with his name, and says nothing of its own echo', () => {
-    const moved = { ...kScene, by: 'anna', objects: [{ ...kBox, base: [4, 1, 0] as [number, number, number] }] };
+    const moved = {
+      ...kScene,
+      by: 'anna',
+      objects: [{ ...kBox, base: [4, 1, 0] as [number, number, number] }],
+    };
     editor.setUser('ben');
     editor.setScene(moved);
     expect(told).toEqual(['anna moved statue']);

@@ -64,12 +64,7 @@ function foot(strip: Rect, { room, rail }: LayoutInput): Pick<Layout, 'room' | '
   const [left, right] = inRow(strip, 2);
   // Side by side both are high and narrow: only where the 3D view would else be a slit, or the list would be.
   if (view_height < kLeastRoom_px && left !== undefined && right !== undefined) {
-    const width = Math.min(strip.width / 2, Math.max(right.width, rail.width));
-    const x = strip.x + strip.width - width;
-    return {
-      room: { ...left, width: x - kGap_px - strip.x },
-      rail: { ...right, x, width },
-    };
+    return { room: left, rail: right };
   }
   const height = Math.round(Math.max(kLeastRoom_px, Math.min(view_height, kRoomShare * strip.height)));
   const y = strip.y + height + kGap_px;

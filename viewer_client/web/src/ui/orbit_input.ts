@@ -7,7 +7,7 @@ export interface OrbitHandlers {
   drag(u: number, v: number): void;
   release(): void;
   turn(yaw_rad: number, pitch_rad: number): void;
-  /** In parts of the pane's height. */
+  /** In parts of the pane's shorter side. */
   pan(right: number, down: number): void;
   /** Above 1 goes away. */
   zoom(factor: number): void;
@@ -78,9 +78,9 @@ export class OrbitInput {
     const spread = this.#spread;
     this.#fingers.set(event.pointerId, now);
     if (this.#hold === 'object') return this.#handlers.drag(...this.#place(event));
-    const height = Math.max(1, this.#frame.clientHeight);
+    const side = Math.max(1, Math.min(this.#frame.clientWidth, this.#frame.clientHeight));
     // Each of two fingers does half of what both do together.
-    const share = this.#fingers.size * height;
+    const share = this.#fingers.size * side;
     const [right, down] = [(now.x - before.x) / share, (now.y - before.y) / share];
     if (this.#hold === 'turn') this.#handlers.turn(-right * kTurnPerPane_rad, down * kTurnPerPane_rad);
     else this.#handlers.pan(right, down);

@@ -346,7 +346,9 @@ export class Page {
 
   #refresh(): void {
     const status = this.#status;
-    const age_s = status?.color_age_s ?? status?.depth_age_s ?? null;
+    // With the 3D view alone no picture is waited for.
+    const none_wanted = status?.wanted.every((stream) => stream === 'mesh') ?? false;
+    const age_s = none_wanted ? 0 : (status?.color_age_s ?? status?.depth_age_s ?? null);
     const state = stateOf({
       unsupported: this.#unsupported,
       link: status?.link ?? { phase: 'connecting', attempt: 0 },

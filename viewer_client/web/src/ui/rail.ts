@@ -16,13 +16,13 @@ const kSilentAfter_s = 3;
 // Parity of the default strength mends up to about this share of datagrams.
 const kLossy = 0.02;
 
-/** What the way from the rig costs: empty where the server knows nothing of it. */
+/** What the way from the rig costs, each part unbroken: empty where the server knows nothing of it. */
 function wayText({ slice_loss, repaired, lost, delay_ms }: AgentHealth): string {
   const parts = [
-    slice_loss === null ? '' : `loss ${fixed(100 * slice_loss, 1)} %`,
-    repaired === null ? '' : `${count(repaired)} repaired`,
-    repaired === null && lost === 0 ? '' : `${count(lost)} lost`,
-    delay_ms === null ? '' : `${fixed(delay_ms, 1)} ms`,
+    slice_loss === null ? '' : `loss\u00a0${fixed(100 * slice_loss, 1)}\u00a0%`,
+    repaired === null ? '' : `${count(repaired)}\u00a0repaired`,
+    repaired === null && lost === 0 ? '' : `${count(lost)}\u00a0lost`,
+    delay_ms === null ? '' : `${fixed(delay_ms, 1)}\u00a0ms\u00a0late`,
   ];
   return parts.filter((part) => part !== '').join('  ');
 }

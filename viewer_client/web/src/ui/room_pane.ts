@@ -2,7 +2,7 @@
 import type { Pinhole } from '../transport/control_message';
 import type { Scene, Vector3 } from '../transport/scene';
 import type { Viewpoint } from '../view/geometry';
-import { kVerticalField_rad, Orbit } from '../view/orbit';
+import { Orbit } from '../view/orbit';
 import type { FromRoom, Look, RoomCounts } from '../view/room_messages';
 import { el, setText } from './dom';
 import type { Editor } from './editor';
@@ -138,12 +138,13 @@ export class RoomPane {
 
   get #look(): Look {
     const hidden = document.hidden || this.pane.pane_px === 0;
+    const { T_scene_camera, pinhole } = this.#viewpoint;
     const scale = Math.min(devicePixelRatio, kMostWidth_px / this.#size.width);
     return {
       width: hidden ? 0 : Math.max(1, Math.round(this.#size.width * scale)),
       height: Math.max(1, Math.round(this.#size.height * scale)),
-      T_scene_eye: this.#viewpoint.T_scene_camera,
-      vertical_field_rad: kVerticalField_rad,
+      T_scene_eye: T_scene_camera,
+      vertical_field_rad: 2 * Math.atan(pinhole.height / 2 / pinhole.fy),
     };
   }
 

@@ -94,7 +94,7 @@ export class TopBar {
   /** Empty without login. */
   setUser(name: string, role: Role): void {
     this.logout_button.hidden = name === '';
-    setText(this.#user, role === 'viewer' ? `${name} (viewer)` : name);
+    setText(this.#user, role === 'viewer' && name !== '' ? `${name} (viewer)` : name);
     this.logout_button.setAttribute('aria-label', `Log ${name} out`);
   }
 

@@ -14,7 +14,8 @@ import {
   type Viewpoint,
 } from './geometry';
 
-export const kVerticalField_rad = (50 * Math.PI) / 180;
+// Across the pane's shorter side: a high and narrow pane sees as much as a wide one.
+const kField_rad = (50 * Math.PI) / 180;
 const kLeastDistance_m = 0.3;
 const kMostDistance_m = 30;
 // Straight down or up there would be no sideways.
@@ -84,12 +85,12 @@ export class Orbit {
     this.#distance_m = Math.min(kMostDistance_m, Math.max(kLeastDistance_m, this.#distance_m * factor));
   }
 
-  /** Moves what is looked at, in parts of the pane's height. Following ends: the hand wins. */
+  /** Moves what is looked at, in parts of the pane's shorter side. Following ends: the hand wins. */
   pan(right: number, down: number): void {
     this.#follows = false;
-    const height_m = 2 * this.#distance_m * Math.tan(kVerticalField_rad / 2);
+    const side_m = 2 * this.#distance_m * Math.tan(kField_rad / 2);
     const T = this.#T_scene_eye;
-    const move = add(rotate(T, [-right * height_m, 0, 0]), rotate(T, [0, -down * height_m, 0]));
+    const move = add(rotate(T, [-right * side_m, 0, 0]), rotate(T, [0, -down * side_m, 0]));
     this.#target = add(this.#target, move);
   }
 
@@ -100,7 +101,7 @@ export class Orbit {
 
   /** The eye as a camera of a width x height pane. */
   viewpoint(width: number, height: number): Viewpoint {
-    const focal = height / 2 / Math.tan(kVerticalField_rad / 2);
+    const focal = Math.min(width, height) / 2 / Math.tan(kField_rad / 2);
     const pinhole: Pinhole = {
       width,
       height,

@@ -136,7 +136,7 @@ export function box(object: SceneObject, color: number): LineSegments {
 
 /** A light as a small shape of its colour; nothing for one that shines from far away. */
 export function lightShape(light: SceneLight): Mesh | null {
-  if (light.position === null) return null;
+  if (light.kind === 'directional') return null;
   const color = new Color().setRGB(...light.color);
   if (light.intensity === 0) color.multiplyScalar(0.25);
   const shape = new Mesh(new OctahedronGeometry(kLight_m), new MeshBasicMaterial({ color }));
