@@ -2,8 +2,11 @@
 #include "capture_agent/agent.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
-#include <future>
+#include <chrono>
+#include <filesystem>
+#include <string>
 #include <thread>
 
 #include "proto/base/clock.h"
@@ -22,30 +25,33 @@ class SilentSource : public Source {
   }
 };
 
-TEST(Agent, DoesWhatTheServerAsksOnceWhileNoPictureComes) {
+TEST(Agent, RecordsWhileTheServerAsksForItThoughNoPictureComes) {
   auto link = LcmLink::Create("memq://");
   ASSERT_TRUE(link);
   SilentSource source;
-  std::vector<bool> wishes;
-  std::promise<void> both;
-  const AgentHooks hooks{.on_record = [&](bool record) {
-    wishes.push_back(record);
-    if (wishes.size() == 2) both.set_value();
-  }};
+  const std::filesystem::path folder =
+      std::filesystem::path(testing::TempDir()) / ("agent_test_" + std::to_string(getpid()));
+  TakeRecorder recorder({.folder = folder});
   std::stop_source stop;
-  std::thread agent([&] { RunAgent(source, Pace::kReal, **link, {}, stop.get_token(), hooks); });
+  std::thread agent([&] { RunAgent(source, Pace::kReal, **link, {}, &recorder, stop.get_token()); });
   // The agent begins to listen some time; what it hears twice it does once.
-  auto done = both.get_future();
-  mixstage_lcm::agent_command_t message{.target_epoch = 0, .sequence = 5, .verb = 1, .value = 0};
-  while (done.wait_for(std::chrono::milliseconds(10)) != std::future_status::ready) {
-    message = {.target_epoch = 0, .sequence = 5, .verb = 1, .value = 0};
-    (*link)->Publish(message);
-    message = {.target_epoch = 0, .sequence = 6, .verb = 2, .value = 0};
-    (*link)->Publish(message);
-  }
+  const auto ask_until = [&](std::int64_t sequence, AgentVerb verb, bool active) {
+    while (recorder.status().active != active) {
+      (*link)->Publish(mixstage_lcm::agent_command_t{
+          .target_epoch = 0, .sequence = sequence, .verb = static_cast<std::int32_t>(verb), .value = 0});
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+  };
+  ask_until(5, AgentVerb::kRecord, true);
+  ask_until(6, AgentVerb::kStopRecording, false);
+  ask_until(7, AgentVerb::kRecord, true);
   stop.request_stop();
   agent.join();
-  EXPECT_EQ(wishes, (std::vector<bool>{true, false}));
+  recorder.Stop();
+  EXPECT_TRUE(std::filesystem::exists(folder / "rgb.txt"));
+  EXPECT_TRUE(std::filesystem::exists(folder.string() + "-2/rgb.txt")) << "one take for each recording";
+  std::filesystem::remove_all(folder);
+  std::filesystem::remove_all(folder.string() + "-2");
 }
 
 }  // namespace
