@@ -147,7 +147,7 @@ def the_gltf_validator_finds_nothing():
         subprocess.run(["npm", "ci", "--no-audit", "--no-fund", "--loglevel=error"], cwd=browser, check=True, timeout=300)
         shutil.copy(lock, fetched)
     files = sorted((out / "mesh").glob("*.glb"))
-    assert len(files) == 12, files
+    assert len(files) == 11, files  # the first of the twelve pictures comes before any depth: it has no surface
     run("node", browser / "validate_glb.mjs", *files)
 
 

@@ -191,67 +191,65 @@ TEST(ActorMesher, LiesOnTheTrueFigureInsideItsTrueMatte) {
   auto scene = SyntheticScene::Create(SyntheticRig(), {}).value();
   const PinholeCamera& camera = scene.rig().color;
   auto mesher = ActorMesher::Create({}, camera).value();
-  const double t_s = 14.0;
-  {
-    const cv::Mat1b matte = scene.TruthMatte(t_s);
-    cv::Mat1f depth_m(Half(matte.rows), Half(matte.cols), 0.0f);
-    const cv::Rect box = cv::boundingRect(matte);
-    const auto figure_z = [&](double u, double v) {
-      const auto truth = scene.TruthAt(SyntheticCamera::kColor, u, v, t_s);
-      return truth && truth->figure ? truth->depth_m : 0.0f;
-    };
-    for (int y = box.y / 2; y < Half(box.br().y); ++y) {
-      for (int x = box.x / 2; x < Half(box.br().x); ++x) depth_m(y, x) = figure_z(2 * x + 0.5, 2 * y + 0.5);
-    }
-    const PictureMesh& mesh = mesher.Run(View(matte), View(std::as_const(depth_m)), scene.TruthPose());
-    ExpectWellFormed(mesh);
-    EXPECT_LE(mesh.positions.size(), 17'000u);
-    EXPECT_GT(mesh.positions.size(), 3000u);
-
-    // Distances to the figure along the camera's rays. The outline has no depth of its own: there the surface
-    // turns away from the camera, and the last pixel's depth stands.
-    const RigidTransform T_color_world = scene.TruthPose().inverse();
-    std::vector<double> distances_m;
-    for (const Eigen::Vector3f& p : mesh.positions) {
-      const Eigen::Vector3d p_color = T_color_world * p.cast<double>();
-      const auto pixel = camera.Project(p_color);
-      ASSERT_TRUE(pixel);
-      const float z = figure_z(pixel->x(), pixel->y());
-      if (z > 0) distances_m.push_back(std::abs(z - p_color.z()));
-    }
-    ASSERT_GT(distances_m.size(), 0.9 * static_cast<double>(mesh.positions.size()));
-    std::sort(distances_m.begin(), distances_m.end());
-    EXPECT_LT(distances_m[distances_m.size() / 2], 0.001);
-    // A limb of 5 cm radius falls back by 16 mm over the outermost pixel.
-    EXPECT_LT(distances_m[distances_m.size() * 90 / 100], 0.01);
-    EXPECT_LT(distances_m[distances_m.size() * 95 / 100], 0.025);
-
-    // Where mesh and matte disagree the matte's outline is near.
-    const cv::Mat1b covered = Coverage(mesh, matte.size());
-    const cv::Mat inside = matte >= 128, outside = matte < 128;
-    cv::Mat1f to_outside, to_inside;
-    cv::distanceTransform(inside, to_outside, cv::DIST_L2, cv::DIST_MASK_PRECISE);
-    cv::distanceTransform(outside, to_inside, cv::DIST_L2, cv::DIST_MASK_PRECISE);
-    const cv::Mat missing = inside & (covered == 0) & (to_outside > 1.5f);
-    const cv::Mat too_much = outside & covered & (to_inside > 1.5f);
-    EXPECT_LE(cv::countNonZero(missing), cv::countNonZero(inside) / 2000);
-    EXPECT_LE(cv::countNonZero(too_much), cv::countNonZero(inside) / 2000);
-
-    // A triangle lies on the figure also in its middle: none spans a step.
-    int spanning = 0;
-    for (std::size_t t = 0; t < mesh.indices.size(); t += 3) {
-      Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-      double nearest = 100, farthest = 0;
-      for (std::size_t k = 0; k < 3; ++k) {
-        const Eigen::Vector3d p_color = T_color_world * mesh.positions[mesh.indices[t + k]].cast<double>();
-        middle += p_color / 3;
-        nearest = std::min(nearest, p_color.z());
-        farthest = std::max(farthest, p_color.z());
-      }
-      if (farthest - nearest > 0.16) ++spanning;
-    }
-    EXPECT_EQ(spanning, 0);
+  constexpr double t_s = 14.0;
+  const cv::Mat1b matte = scene.TruthMatte(t_s);
+  cv::Mat1f depth_m(Half(matte.rows), Half(matte.cols), 0.0f);
+  const cv::Rect box = cv::boundingRect(matte);
+  const auto figure_z = [&](double u, double v) {
+    const auto truth = scene.TruthAt(SyntheticCamera::kColor, u, v, t_s);
+    return truth && truth->figure ? truth->depth_m : 0.0f;
+  };
+  for (int y = box.y / 2; y < Half(box.br().y); ++y) {
+    for (int x = box.x / 2; x < Half(box.br().x); ++x) depth_m(y, x) = figure_z(2 * x + 0.5, 2 * y + 0.5);
   }
+  const PictureMesh& mesh = mesher.Run(View(matte), View(std::as_const(depth_m)), scene.TruthPose());
+  ExpectWellFormed(mesh);
+  EXPECT_LE(mesh.positions.size(), 17'000u);
+  EXPECT_GT(mesh.positions.size(), 3000u);
+
+  // Distances to the figure along the camera's rays. The outline has no depth of its own: there the surface
+  // turns away from the camera, and the last pixel's depth stands.
+  const RigidTransform T_color_world = scene.TruthPose().inverse();
+  std::vector<double> distances_m;
+  for (const Eigen::Vector3f& p : mesh.positions) {
+    const Eigen::Vector3d p_color = T_color_world * p.cast<double>();
+    const auto pixel = camera.Project(p_color);
+    ASSERT_TRUE(pixel);
+    const float z = figure_z(pixel->x(), pixel->y());
+    if (z > 0) distances_m.push_back(std::abs(z - p_color.z()));
+  }
+  ASSERT_GT(distances_m.size(), 0.9 * static_cast<double>(mesh.positions.size()));
+  std::sort(distances_m.begin(), distances_m.end());
+  EXPECT_LT(distances_m[distances_m.size() / 2], 0.001);
+  // A limb of 5 cm radius falls back by 16 mm over the outermost pixel.
+  EXPECT_LT(distances_m[distances_m.size() * 90 / 100], 0.01);
+  EXPECT_LT(distances_m[distances_m.size() * 95 / 100], 0.025);
+
+  // Where mesh and matte disagree the matte's outline is near.
+  const cv::Mat1b covered = Coverage(mesh, matte.size());
+  const cv::Mat inside = matte >= 128, outside = matte < 128;
+  cv::Mat1f to_outside, to_inside;
+  cv::distanceTransform(inside, to_outside, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+  cv::distanceTransform(outside, to_inside, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+  const cv::Mat missing = inside & (covered == 0) & (to_outside > 1.5f);
+  const cv::Mat too_much = outside & covered & (to_inside > 1.5f);
+  EXPECT_LE(cv::countNonZero(missing), cv::countNonZero(inside) / 2000);
+  EXPECT_LE(cv::countNonZero(too_much), cv::countNonZero(inside) / 2000);
+
+  // A triangle lies on the figure also in its middle: none spans a step.
+  int spanning = 0;
+  for (std::size_t t = 0; t < mesh.indices.size(); t += 3) {
+    Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+    double nearest = 100, farthest = 0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Eigen::Vector3d p_color = T_color_world * mesh.positions[mesh.indices[t + k]].cast<double>();
+      middle += p_color / 3;
+      nearest = std::min(nearest, p_color.z());
+      farthest = std::max(farthest, p_color.z());
+    }
+    if (farthest - nearest > 0.16) ++spanning;
+  }
+  EXPECT_EQ(spanning, 0);
 }
 
 }  // namespace
