@@ -123,6 +123,7 @@ Status RunShow(const StudioConfig& config) {
   sigaddset(&signals, SIGTERM);
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   signal(SIGPIPE, SIG_IGN);
+  if (auto ok = CheckDelivery(config); !ok) return ok;  // before minutes of learning a clean plate
   cv::setNumThreads(1);  // the stages are spread over threads of ours already
 
   auto studio = OpenStudio(config);

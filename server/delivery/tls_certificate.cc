@@ -110,12 +110,17 @@ bool AddHost(GENERAL_NAMES* names, const std::string& host) {
   } else if (!IsDnsName(host)) {
     return false;
   }
-  ASN1_STRING* value = ASN1_STRING_type_new(no_address ? V_ASN1_IA5STRING : V_ASN1_OCTET_STRING);
-  GENERAL_NAME* name = GENERAL_NAME_new();
-  if (value == nullptr || name == nullptr) return false;
-  ASN1_STRING_set(value, bytes.data(), static_cast<int>(bytes.size()));
-  GENERAL_NAME_set0_value(name, no_address ? GEN_DNS : GEN_IPADD, value);
-  return sk_GENERAL_NAME_push(names, name) > 0;
+  std::unique_ptr<ASN1_STRING, Freed<ASN1_STRING_free>> value(
+      ASN1_STRING_type_new(no_address ? V_ASN1_IA5STRING : V_ASN1_OCTET_STRING));
+  std::unique_ptr<GENERAL_NAME, Freed<GENERAL_NAME_free>> name(GENERAL_NAME_new());
+  if (value == nullptr || name == nullptr ||
+      ASN1_STRING_set(value.get(), bytes.data(), static_cast<int>(bytes.size())) != 1) {
+    return false;
+  }
+  GENERAL_NAME_set0_value(name.get(), no_address ? GEN_DNS : GEN_IPADD, value.release());
+  if (sk_GENERAL_NAME_push(names, name.get()) <= 0) return false;
+  static_cast<void>(name.release());  // the list's now
+  return true;
 }
 
 bool AddExtension(X509* certificate, int nid, const char* value) {
@@ -127,7 +132,8 @@ bool AddExtension(X509* certificate, int nid, const char* value) {
   return extension != nullptr && X509_add_ext(certificate, extension.get(), -1) == 1;
 }
 
-// Signed by its own key, or nothing (OpenSSL knows why).
+// Signed by its own key, or nothing (OpenSSL knows why). Without key usage: a client that is told to trust it
+// would look for the right to sign certificates there, which a server's must not have.
 Certificate SelfSign(EVP_PKEY* key, const Names& names) {
   Certificate certificate(X509_new());
   std::array<unsigned char, 16> serial{};
@@ -135,18 +141,16 @@ Certificate SelfSign(EVP_PKEY* key, const Names& names) {
   serial[0] = static_cast<unsigned char>((serial[0] & 0x7F) | 0x40);  // positive, of full length
   const std::unique_ptr<BIGNUM, Freed<BN_free>> number(BN_bin2bn(serial.data(), serial.size(), nullptr));
   X509* x = certificate.get();
-  // A subject of its own, as two such certificates may meet in a browser's store.
   X509_NAME* subject = X509_get_subject_name(x);
-  const auto* organisation = reinterpret_cast<const unsigned char*>("MixStage self-signed");
+  const auto* common_name = reinterpret_cast<const unsigned char*>("MixStage self-signed");
   const bool made =
       number != nullptr && X509_set_version(x, X509_VERSION_3) == 1 &&
       BN_to_ASN1_INTEGER(number.get(), X509_get_serialNumber(x)) != nullptr &&
       X509_gmtime_adj(X509_getm_notBefore(x), -3600) != nullptr &&  // clocks differ
       X509_time_adj_ex(X509_getm_notAfter(x), kDays - 1, 86'400 - 3600, nullptr) != nullptr &&
       X509_set_pubkey(x, key) == 1 &&
-      X509_NAME_add_entry_by_NID(subject, NID_commonName, MBSTRING_ASC, organisation, -1, -1, 0) == 1 &&
+      X509_NAME_add_entry_by_NID(subject, NID_commonName, MBSTRING_ASC, common_name, -1, -1, 0) == 1 &&
       X509_set_issuer_name(x, subject) == 1 && AddExtension(x, NID_basic_constraints, "critical,CA:FALSE") &&
-      AddExtension(x, NID_key_usage, "critical,digitalSignature") &&
       AddExtension(x, NID_ext_key_usage, "serverAuth") &&
       AddExtension(x, NID_subject_key_identifier, "hash") &&
       X509_add1_ext_i2d(x, NID_subject_alt_name, names.get(), 0, 0) == 1 &&

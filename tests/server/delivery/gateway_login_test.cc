@@ -143,8 +143,9 @@ TEST_F(GatewayLogin, WrongTokensAndTooManyAttemptsAreRefused) {
   for (int i = 0; i < 200 && !limited; ++i)
     limited = RawRequest(gateway.port(), LoginRequest(std::string(43, 'A'))).starts_with("HTTP/1.1 429");
   EXPECT_TRUE(limited);
-  EXPECT_TRUE(RawRequest(gateway.port(), "POST /login HTTP/1.1\r\nHost: evil.example\r\n\r\n")
-                  .starts_with("HTTP/1.1 403"));
+  EXPECT_TRUE(
+      RawRequest(gateway.port(), "POST /login HTTP/1.1\r\nHost: evil.example\r\nConnection: close\r\n\r\n")
+          .starts_with("HTTP/1.1 403"));
   EXPECT_TRUE(RawRequest(gateway.port(), LoginRequest(anna_, "Origin: http://evil.example\r\n"))
                   .starts_with("HTTP/1.1 403"));
   EXPECT_TRUE(
