@@ -8,11 +8,13 @@
 #include <cstdio>
 #include <memory>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "proto/base/log.h"
 #include "server/app/learn_take.h"
+#include "server/pipeline/director.h"
 #include "server/pipeline/live_show.h"
 #include "server/scene/model_process.h"
 #include "server/scene/scene_file.h"
@@ -55,6 +57,21 @@ Result<LoadedRig> OpenRig(const fs::path& place) {
   return rig;
 }
 
+// scene.yaml, or an empty scene where it is not there yet but its folder is: edits fill it, `save` writes it.
+Result<Scene> OpenScene(const fs::path& file, const Rig& rig) {
+  std::error_code error;
+  if (!fs::exists(file, error) && fs::is_directory(fs::absolute(file).parent_path(), error)) {
+    spdlog::info("scene {}: not there yet, starts empty", file.string());
+    Scene empty;
+    empty.frame = rig.ptu ? SceneFrame::kWorld : SceneFrame::kCamera;
+    return empty;
+  }
+  auto scene = LoadScene(file, [](const fs::path& model) { return LoadModelApart(model); });
+  if (!scene) return tl::unexpected(scene.error());
+  for (const std::string& warning : scene->warnings) spdlog::warn("scene {}", warning);
+  return std::move(scene->scene);
+}
+
 Result<Studio> OpenStudio(const StudioConfig& config) {
   if (config.rig.empty()) {
     return Fail(ErrorCode::kInvalidConfig, "no rig: give --rig rig.json, or \"rig:\" in the configuration");
@@ -69,10 +86,9 @@ Result<Studio> OpenStudio(const StudioConfig& config) {
   if (!device) return tl::unexpected(device.error());
   setup.device = std::move(*device);
   if (!config.scene.empty()) {
-    auto scene = LoadScene(config.scene, [](const fs::path& file) { return LoadModelApart(file); });
+    auto scene = OpenScene(config.scene, setup.rig);
     if (!scene) return tl::unexpected(scene.error());
-    for (const std::string& warning : scene->warnings) spdlog::warn("scene {}", warning);
-    setup.scene = std::move(scene->scene);
+    setup.scene = std::move(*scene);
   }
   auto studio = Studio::Create(std::move(setup));
   if (!studio) return studio;
@@ -124,7 +140,7 @@ Status RunShow(const StudioConfig& config) {
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   signal(SIGPIPE, SIG_IGN);
   if (auto ok = CheckDelivery(config); !ok) return ok;  // before minutes of learning a clean plate
-  cv::setNumThreads(1);  // the stages are spread over threads of ours already
+  cv::setNumThreads(1);                                 // the stages are spread over threads of ours already
 
   auto studio = OpenStudio(config);
   if (!studio) return tl::unexpected(studio.error());
@@ -136,9 +152,11 @@ Status RunShow(const StudioConfig& config) {
 
   // The gateway asks for metrics from its own thread, and outlives the show.
   std::atomic<const LiveShow*> show_for_metrics = nullptr;
-  const GatewayConfig gateway_config = GatewayOf(config);
+  GatewayConfig gateway_config = GatewayOf(config);
   if (gateway_config.page_folder.empty())
     spdlog::warn("page not found: build it, or set \"page:\"; /watch works");
+  if (studio->scene())
+    gateway_config.edits = std::make_shared<EditQueue>(kMaxWaitingEdits, WhenFull::kDropOldest);
   Gateway gateway(gateway_config, [&] {
     const LiveShow* show = show_for_metrics.load();
     return show != nullptr ? show->MetricsText() : std::string();
@@ -152,9 +170,25 @@ Status RunShow(const StudioConfig& config) {
   gateway.SetHello({.name = config.name, .server_us = 0, .streams = {}});
   auto recorder = StartRecording(config);
   if (!recorder) return tl::unexpected(recorder.error());
+  std::optional<Director> director;
+  if (studio->scene()) {
+    director.emplace(
+        Director::Setup{.scene = *studio->scene(),
+                        .file = config.scene,
+                        .color = studio->rig().color,
+                        .edits = gateway_config.edits,
+                        .load = [](const fs::path& model,
+                                   const std::stop_token& stop) { return LoadModelApart(model, {}, stop); }},
+        gateway);
+  }
   {
-    LiveShow show(std::move(*link), std::move(*studio), std::move(*broadcast), std::move(*meshes), gateway,
-                  std::move(*recorder));
+    LiveShow show({.link = std::move(*link),
+                   .studio = std::move(*studio),
+                   .broadcast = std::move(*broadcast),
+                   .meshes = std::move(*meshes),
+                   .recorder = std::move(*recorder),
+                   .director = director ? &*director : nullptr},
+                  gateway);
     if (config.parity) show.SetAgentParity(*config.parity);
     show_for_metrics = &show;
     std::puts(gateway.url().c_str());

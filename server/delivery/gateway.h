@@ -105,8 +105,8 @@ class Gateway {
   void RemoveMesh(WatchStream stream, std::uint32_t id);
   // A `stats` message (ToJson(WatchStats)); its `state` is what /healthz says.
   void PublishStats(std::string stats_json);
-  // A `scene` message: sent to every viewer who comes, after hello, and now to those who are there. A viewer who
-  // reads slowly gets the newest.
+  // A `scene` message: sent to every viewer who comes, after hello, and now to those who are there. A viewer
+  // who reads slowly gets the newest.
   void PublishScene(std::string scene_json);
   // A `refused` message to the one viewer who sent the edit, if he is still there.
   void SendTo(std::uint64_t viewer, std::string json);

@@ -39,6 +39,11 @@ std::string LiveShow::MetricsText() const {
   counter("mixstage_recording_dropped_total", "Pictures that the recording lacks")
       .Add({})
       .Increment(static_cast<double>(stats.recording.dropped));
+  {
+    const std::lock_guard lock(mutex_);
+    gauge("mixstage_scene_revision", "Of the virtual scene that the last frame shows; 0 = none",
+          static_cast<double>(scene_revision_));
+  }
   counter("mixstage_frames_total", "Composites encoded").Add({}).Increment(static_cast<double>(stats.frames));
   auto& drops = counter("mixstage_drops_total", "Pictures and messages dropped, by reason");
   for (const auto& [reason, count] : stats.drops)

@@ -37,14 +37,14 @@ std::string Sentence(const char* format, double value) {
 
 }  // namespace
 
-LiveShow::LiveShow(std::unique_ptr<LcmLink> link, Studio studio, Broadcast broadcast, MeshBroadcast meshes,
-                   Gateway& gateway, std::unique_ptr<TakeRecorder> recorder)
-    : link_(std::move(link)),
-      studio_(std::move(studio)),
-      broadcast_(std::move(broadcast)),
-      meshes_(std::move(meshes)),
+LiveShow::LiveShow(LiveShowParts parts, Gateway& gateway)
+    : link_(std::move(parts.link)),
+      studio_(std::move(parts.studio)),
+      broadcast_(std::move(parts.broadcast)),
+      meshes_(std::move(parts.meshes)),
       gateway_(gateway),
-      recorder_(std::move(recorder)),
+      recorder_(std::move(parts.recorder)),
+      director_(parts.director),
       ingest_(studio_.rig(), captured_, recorder_.get()),
       times_(kStageWindow) {
   encode_thread_ = std::jthread([this] { RunEncode(); });
@@ -107,9 +107,14 @@ void LiveShow::RunFrames() {
   while (auto captured = captured_.Pop()) {
     std::shared_ptr<Frame> frame = pool.Take();
     frame->captured = std::move(*captured);
+    if (director_ != nullptr) {
+      if (auto scene = director_->TakeScene()) studio_.SetScene(std::move(scene));
+    }
     studio_.Run(*frame, times_);
+    if (director_ != nullptr) director_->SeeRoom(studio_.room(), frame->T_world_color);
     {
       const std::lock_guard lock(mutex_);
+      if (studio_.scene()) scene_revision_ = studio_.scene()->revision;
       room_state_ = studio_.room_state();
     }
     OfferMeshes(frame);

@@ -14,22 +14,33 @@
 #include "proto/link/lcm_link.h"
 #include "server/ingest/live_ingest.h"
 #include "server/pipeline/broadcast.h"
+#include "server/pipeline/director.h"
 #include "server/pipeline/mesh_broadcast.h"
 #include "server/pipeline/studio.h"
 
 namespace mixstage {
+
+// What a show is made of.
+struct LiveShowParts {
+  std::unique_ptr<LcmLink> link;
+  Studio studio;
+  Broadcast broadcast;
+  MeshBroadcast meshes;
+  std::unique_ptr<TakeRecorder> recorder{};  // of what arrives; null = none
+  Director* director = nullptr;              // borrowed; null = nobody edits the scene
+};
 
 // The running show: one owner thread for each piece of state, newest wins between them.
 //   ingest   LcmLink, LiveIngest          -> queue of captured frames
 //   frame    Studio (all frame stages)    -> queue of finished frames
 //   encode   Broadcast (H.264, delivery)  -> Gateway, which owns "serve"
 //   mesh     MeshBroadcast (Draco)        -> Gateway; only while a viewer wants meshes
+//   director Director (the scene while it is edited), its own thread
 //   stats    twice a second: statistics to the viewers
 class LiveShow {
  public:
-  // `gateway` must have been started. The show starts at once. `recorder`: of what arrives; null = none.
-  LiveShow(std::unique_ptr<LcmLink> link, Studio studio, Broadcast broadcast, MeshBroadcast meshes,
-           Gateway& gateway, std::unique_ptr<TakeRecorder> recorder = nullptr);
+  // `gateway` must have been started. The show starts at once.
+  LiveShow(LiveShowParts parts, Gateway& gateway);
   ~LiveShow();  // stops: closes every queue, then joins
   LiveShow(const LiveShow&) = delete;
   LiveShow& operator=(const LiveShow&) = delete;
@@ -63,6 +74,7 @@ class LiveShow {
   MeshBroadcast meshes_;
   Gateway& gateway_;
   const std::unique_ptr<TakeRecorder> recorder_;
+  Director* const director_;
 
   // Two places: one hiccup of the machine costs latency, not a picture; a server that is too slow drops all
   // the same.
@@ -87,6 +99,7 @@ class LiveShow {
   std::int64_t frames_ = 0, bytes_ = 0;
   std::map<std::string, std::int64_t> drops_;
   RoomState room_state_ = RoomState::kLearning;
+  std::uint64_t scene_revision_ = 0;  // of the scene that the last frame showed; 0 = none
   std::string failure_;
 
   std::jthread ingest_thread_, frame_thread_, encode_thread_, mesh_thread_, stats_thread_;

@@ -19,9 +19,9 @@ constexpr int kFits = 3;
 // Under a footprint: what lies this much above the base still carries it (an object that sank in a little).
 constexpr double kSunken_m = 0.05;
 constexpr double kLeastFootprint_m = 0.05;
-constexpr double kLayer_m = 0.04;        // a horizontal surface with its noise is not thicker
-constexpr double kLayerShare = 0.15;     // of the footprint's samples make a surface; the side of a cupboard,
-constexpr std::size_t kLayerCount = 6;   // spread over its height, makes none
+constexpr double kLayer_m = 0.04;       // a horizontal surface with its noise is not thicker
+constexpr double kLayerShare = 0.15;    // of the footprint's samples make a surface; the side of a cupboard,
+constexpr std::size_t kLayerCount = 6;  // spread over its height, makes none
 
 struct Sample {
   Eigen::Vector2d direction;
@@ -62,10 +62,11 @@ RoomDepthProbe::RoomDepthProbe(const PinholeCamera& color)
   for (int y = 0; y < directions_.rows; ++y) {
     for (int x = 0; x < directions_.cols; ++x) {
       // Where QuarterDepth takes its samples.
-      const auto direction = color.Unproject(
-          {std::min(4 * x + 1, color.width - 1), std::min(4 * y + 1, color.height - 1)});
-      directions_(y, x) = direction ? cv::Vec2f(static_cast<float>(direction->x()), static_cast<float>(direction->y()))
-                                    : cv::Vec2f(kNan, kNan);
+      const auto direction =
+          color.Unproject({std::min(4 * x + 1, color.width - 1), std::min(4 * y + 1, color.height - 1)});
+      directions_(y, x) =
+          direction ? cv::Vec2f(static_cast<float>(direction->x()), static_cast<float>(direction->y()))
+                    : cv::Vec2f(kNan, kNan);
     }
   }
 }
@@ -117,7 +118,8 @@ std::optional<Eigen::Vector3d> RoomDepthProbe::SurfaceUnder(double u, double v) 
   return T_scene_color_ * (FitDepth(samples, *direction, z_near) * direction->homogeneous());
 }
 
-std::optional<double> RoomDepthProbe::HighestSurfaceBelow(const Eigen::Vector3d& base, double radius_m) const {
+std::optional<double> RoomDepthProbe::HighestSurfaceBelow(const Eigen::Vector3d& base,
+                                                          double radius_m) const {
   if (!room_) return std::nullopt;
   const double radius = std::max(radius_m, kLeastFootprint_m);
   std::vector<double> heights;  // above base

@@ -208,6 +208,7 @@ Result<LoadedModel> ReadModel(const ReadBytes& read) {
     const std::uint32_t code = in.U32(static_cast<std::size_t>(ErrorCode::kInternal));
     std::string message = in.Text();
     if (!in.ok() || code == 0) return broken();
+    for (char& c : message) c = static_cast<unsigned char>(c) < ' ' ? ' ' : c;  // one line, whoever wrote it
     return Fail(static_cast<ErrorCode>(code), std::move(message));
   }
   LoadedModel model;
@@ -217,7 +218,7 @@ Result<LoadedModel> ReadModel(const ReadBytes& read) {
   ReadMesh(in, model.mesh);
   if (!in.ok() || kind != kModel || up == 0) return broken();
   model.up = static_cast<UpAxis>(up);
-  if (auto ok = CheckMesh(model.mesh); !ok) return tl::unexpected(ok.error());
+  if (auto ok = CheckMesh(model.mesh); !ok) return Fail(ErrorCode::kInternal, ok.error().message);
   return model;
 }
 

@@ -20,7 +20,8 @@ using ReadBytes = std::function<bool(void* bytes, std::size_t count)>;
 [[nodiscard]] bool WriteModel(const Result<LoadedModel>& model, const WriteBytes& write);
 
 // What the importer said: the model or its own refusal. Counts are held against ModelLimits before memory is
-// taken, the mesh against CheckMesh. Fails with kInternal when the bytes end early or are none of ours.
+// taken, the mesh against CheckMesh. Fails with kInternal when the bytes end early, are none of ours or make
+// no good mesh: the importer is not itself any more.
 Result<LoadedModel> ReadModel(const ReadBytes& read);
 
 }  // namespace mixstage

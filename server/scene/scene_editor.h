@@ -12,10 +12,7 @@
 
 #include "proto/base/result.h"
 #include "proto/watch/scene_message.h"
-#include "server/scene/model_file.h"
-#include "server/scene/object_stand.h"
-#include "server/scene/room_probe.h"
-#include "server/scene/scene.h"
+#include "server/scene/edit_change.h"
 
 namespace mixstage {
 
@@ -23,19 +20,6 @@ namespace mixstage {
 struct EditSource {
   std::uint64_t viewer = 0;  // the connection
   std::string name{};
-};
-
-// A model that `add` puts into the scene.
-struct AddedModel {
-  std::shared_ptr<const Mesh> mesh;
-  UpAxis up = UpAxis::kY;
-};
-
-// The light of a scene that names none, shown and edited like any other; the first change writes it into the
-// scene.
-struct DefaultLight {
-  Light light;
-  Ambient ambient;
 };
 
 struct SceneEditorLimits {
@@ -78,7 +62,6 @@ class SceneEditor {
     std::uint32_t target = 0;
     bool operator==(const Drag&) const = default;
   };
-  friend struct EditChange;
 
   Status Step(std::vector<Version>& from, std::vector<Version>& to, const char* nothing);
   void CloseDrag();

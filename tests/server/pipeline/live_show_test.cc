@@ -56,7 +56,7 @@ TEST(LiveShow, PicturesReachViewersAndEverythingStops) {
   ASSERT_TRUE(link) << link.error().message;
   LcmLink& agents_link = **link;
   const Rig rig = AssumedRig(kWidth, kHeight, 0.001);
-  auto studio = Studio::Create({.rig = rig, .scene = {}, .poses = {}, .learn_frames = 5});
+  auto studio = Studio::Create({.rig = rig, .scene = {}, .poses = {}, .learn_frames = 5, .device = {}});
   ASSERT_TRUE(studio) << studio.error().message;
   const LiveShow* running = nullptr;
   std::mutex running_mutex;
@@ -65,10 +65,16 @@ TEST(LiveShow, PicturesReachViewersAndEverythingStops) {
     return running != nullptr ? running->MetricsText() : std::string();
   });
   ASSERT_TRUE(gateway.Start());
-  auto broadcast = Broadcast::Create({}, kWidth, kHeight, "test", &gateway);
+  auto broadcast = Broadcast::Create({}, rig.color, "test", &gateway);
   ASSERT_TRUE(broadcast) << broadcast.error().message;
+  auto meshes = MeshBroadcast::Create(rig.color, gateway);
+  ASSERT_TRUE(meshes) << meshes.error().message;
   {
-    LiveShow show(std::move(*link), std::move(*studio), std::move(*broadcast), gateway);
+    LiveShow show({.link = std::move(*link),
+                   .studio = std::move(*studio),
+                   .broadcast = std::move(*broadcast),
+                   .meshes = std::move(*meshes)},
+                  gateway);
     {
       const std::lock_guard lock(running_mutex);
       running = &show;

@@ -85,7 +85,8 @@ TEST(MeshBroadcast, TheViewersActorAndRoomStandWhereTheyTrulyAre) {
   auto synthetic = SyntheticScene::Create(SyntheticRig(), {}).value();
   StudioSetup setup;
   setup.rig = SyntheticRig();
-  setup.scene = LoadScene(std::string(MIXSTAGE_SOURCE_DIR) + "/deploy/demo/scene.yaml").value().scene;
+  setup.scene =
+      LoadScene(std::string(MIXSTAGE_SOURCE_DIR) + "/deploy/demo/scene.yaml", LoadModel).value().scene;
   auto studio = Studio::Create(std::move(setup)).value();
   StageTimes times(0);
   for (int i = 0; i < 40 && studio.room_state() != RoomState::kKnown; ++i) {
