@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cstdint>
 #include <mixstage_lcm/agent_health_t.hpp>
 #include <mixstage_lcm/frame_slice_t.hpp>
 #include <mixstage_lcm/head_angles_t.hpp>

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <array>
+
 #include "proto/take/take.h"
 #include "tests/fuzz/temp_folder.h"
 
