@@ -87,8 +87,9 @@ void ForEachPixel(const CellRun& run, const ScanTarget& target, Pixel pixel) {
     const int y1 = std::min(max_y >> kSubPixelBits, target.y1);
     if (x0 > x1 || y0 > y1) continue;
     for (Corner& c : q) c.x -= x0 * kSubPixels, c.y -= y0 * kSubPixels;
-    const bool upper = TwiceArea(q[0], q[1], q[2]) > 0;
-    const bool lower = TwiceArea(q[1], q[3], q[2]) > 0;
+    // The parts ask too: a part that is not there has the other's corners, turned round.
+    const bool upper = (parts & kUpper) != 0 && TwiceArea(q[0], q[1], q[2]) > 0;
+    const bool lower = (parts & kLower) != 0 && TwiceArea(q[1], q[3], q[2]) > 0;
     if (!upper && !lower) continue;
     const Edge diagonal = EdgeOf(q[1], q[2]);
     const Edge upper_edges[2] = {EdgeOf(q[0], q[1]), EdgeOf(q[2], q[0])};

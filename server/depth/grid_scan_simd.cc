@@ -175,8 +175,8 @@ void ScanCellsOf(const CellRun& run, const ScanTarget& target) {
 
     const VI upper_area = rn::TwiceArea(x[0], y[0], x[1], y[1], x[2], y[2]);
     const VI lower_area = rn::TwiceArea(x[1], y[1], x[3], y[3], x[2], y[2]);
-    const MI upper = hn::Gt(upper_area, zero);
-    const MI lower = hn::Gt(lower_area, zero);
+    const MI upper = hn::And(has_upper, hn::Gt(upper_area, zero));
+    const MI lower = hn::And(has_lower, hn::Gt(lower_area, zero));
     live = hn::And(live, hn::Or(upper, lower));
     if (hn::AllFalse(di, live)) continue;
 

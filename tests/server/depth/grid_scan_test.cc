@@ -176,6 +176,20 @@ TEST(ScanCells, PartsAreTheTrianglesTheyName) {
   EXPECT_FALSE(covers(kTorn, 3, 3));
 }
 
+TEST(ScanCells, PartsSeenFromBehindAreNone) {
+  std::mt19937 random(4);
+  Sheet sheet(1, 1, 0, random);
+  // The cell mirrored: its right corners lie left.
+  for (auto& x : sheet.corners.x) x = 5 * kSubPixels - x;
+  for (const int parts : {int{kUpper}, int{kLower}, kUpper | kTurned, kLower | kTurned, int{kWhole}}) {
+    sheet.cells[0] = static_cast<std::uint8_t>(parts);
+    Picture vector(12, 12), scalar(12, 12);
+    ScanCells(sheet.Run(0, 0, 1), vector.Target());
+    ScanCellsScalar(sheet.Run(0, 0, 1), scalar.Target());
+    EXPECT_EQ(cv::countNonZero(vector.inverse_z) + cv::countNonZero(scalar.inverse_z), 0) << parts;
+  }
+}
+
 TEST(ScanCells, AUselessCornerDoesNotHurtTheOtherPart) {
   std::mt19937 random(5);
   Sheet sheet(3, 3, 0, random);
