@@ -56,7 +56,6 @@ export class Director {
     this.url = url;
     this.shots = shots;
     this.errors = [];
-    this.patience_ms = 30000;
     this.requests = [];
     page.on('pageerror', (error) => this.errors.push(error.message));
     page.on('request', (request) => this.requests.push(request.url()));
@@ -83,7 +82,7 @@ export class Director {
     return Number(await this.value(name));
   }
 
-  async until(what, predicate, argument = null, timeout = this.patience_ms) {
+  async until(what, predicate, argument = null, timeout = 30000) {
     try {
       return await this.page.waitForFunction(predicate, argument, { timeout, polling: 50 });
     } catch {

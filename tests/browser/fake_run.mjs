@@ -22,9 +22,6 @@ const { values: options } = parseArgs({
   },
 });
 
-// The fake show answers at once: what has not come by then does not come.
-const kPatience_ms = 10000;
-
 const kLooksChecks = {
   'every text has contrast and nothing overlaps, at every size': async ({ director }) => {
     assert.deepEqual(await director.page.evaluate(lowContrast), []);
@@ -155,7 +152,6 @@ async function run(checks, context) {
 async function visit(browser, show, shots, checks) {
   const port = await show.listen(0);
   const director = await Director.open(browser, `http://localhost:${port}/`, shots);
-  director.patience_ms = kPatience_ms;
   await run(checks, { director, show });
   await director.close();
   show.close();

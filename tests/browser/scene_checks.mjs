@@ -61,7 +61,8 @@ export const kSceneChecks = {
     const [object] = (await scene(director)).objects;
     await director.find(`object-${object.id}`).click();
     assert.equal(await director.find(`object-${object.id}`).getAttribute('aria-pressed'), 'true');
-    assert.equal(await director.find('shadow-ring').isVisible(), true);
+    // It waits for the camera's pose, which comes with the first mesh of the actor.
+    await director.find('shadow-ring').waitFor({ state: 'visible' });
     await director.shoot('selected');
     await director.page.keyboard.press('Escape');
     assert.equal(await director.find('shadow-ring').isVisible(), false);
@@ -105,6 +106,7 @@ export const kSceneChecks = {
   },
   'brackets turn it': async ({ director }) => {
     const [before] = (await scene(director)).objects;
+    await director.find(`object-${before.id}`).click();
     await director.page.keyboard.press('[');
     await untilScene(
       director,
