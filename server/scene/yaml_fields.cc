@@ -1,16 +1,43 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/scene/yaml_fields.h"
 
+#include <yaml-cpp/eventhandler.h>
+
 #include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <set>
+#include <sstream>
 
 namespace mixstage {
 namespace {
 
 constexpr std::size_t kMostKeys = 64;
 constexpr std::size_t kLongestText = 512;
+
+// Parses and keeps nothing.
+class NoEvents final : public YAML::EventHandler {
+ public:
+  void OnDocumentStart(const YAML::Mark&) override {}
+  void OnDocumentEnd() override {}
+  void OnNull(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnAlias(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnScalar(const YAML::Mark&, const std::string&, YAML::anchor_t, const std::string&) override {}
+  void OnSequenceStart(const YAML::Mark&, const std::string&, YAML::anchor_t,
+                       YAML::EmitterStyle::value) override {}
+  void OnSequenceEnd() override {}
+  void OnMapStart(const YAML::Mark&, const std::string&, YAML::anchor_t, YAML::EmitterStyle::value) override {
+  }
+  void OnMapEnd() override {}
+};
+
+// Not by YAML::LoadAll: of a comma outside brackets it makes empty documents without end.
+bool IsOneDocument(const std::string& text) {
+  std::istringstream stream(text);
+  YAML::Parser parser(stream);
+  NoEvents nothing;
+  return parser.HandleNextDocument(nothing) && !parser.HandleNextDocument(nothing);
+}
 
 }  // namespace
 
@@ -146,9 +173,8 @@ Status YamlFields::CheckAllKnown() const {
 
 Result<YamlFields> ParseYaml(const std::string& text, const std::string& place) {
   try {
-    const std::vector<YAML::Node> documents = YAML::LoadAll(text);
-    if (documents.size() != 1) return Fail(ErrorCode::kInvalidConfig, place + ": is not one YAML document");
-    YamlFields root(documents[0], place, "");
+    if (!IsOneDocument(text)) return Fail(ErrorCode::kInvalidConfig, place + ": is not one YAML document");
+    YamlFields root(YAML::Load(text), place, "");
     if (auto ok = root.CheckShape(); !ok) return tl::unexpected(ok.error());
     return root;
   } catch (const YAML::Exception& e) {

@@ -6,7 +6,6 @@
 #include <unistd.h>
 
 #include <cerrno>
-
 #include <string_view>
 
 #include "proto/base/check.h"

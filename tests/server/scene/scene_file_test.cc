@@ -120,6 +120,14 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"a: [1, 2\nb: }\n", "scene.yaml:2"}, Mistake{"- 1\n- 2\n", "the file is not a mapping"},
         Mistake{"", "scene.yaml"}));
 
+TEST(SceneFile, ACommaWithoutBracketsEnds) {
+  auto scene = ParseScene(", objects: []\n", "scene.yaml");  // YAML::LoadAll never came back from it
+  ASSERT_FALSE(scene);
+  EXPECT_THAT(scene.error().message, HasSubstr("one YAML document"));
+  EXPECT_FALSE(ParseScene("version: 1\n---\nversion: 1\n", "scene.yaml"));
+  EXPECT_FALSE(ParseScene("", "scene.yaml"));
+}
+
 TEST(SceneFile, NestingAndSizeAreBounded) {
   EXPECT_FALSE(ParseScene("objects: " + std::string(200000, '['), "scene.yaml"));
   std::string many = "objects:\n";
