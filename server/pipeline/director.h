@@ -18,6 +18,7 @@
 #include "proto/geometry/frames.h"
 #include "server/delivery/gateway.h"
 #include "server/pipeline/room_depth_probe.h"
+#include "server/scene/model_file.h"
 #include "server/scene/scene_editor.h"
 
 namespace mixstage {
