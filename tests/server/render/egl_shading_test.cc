@@ -150,7 +150,7 @@ TEST_F(EglShadingTest, ObjectsThroughTheNearPlaneLookTheSame) {
 }
 
 TEST_F(EglShadingTest, DemoObjectsLookTheSame) {
-  const auto scene = LoadScene(std::string(MIXSTAGE_SOURCE_DIR) + "/deploy/demo/scene.yaml");
+  const auto scene = LoadScene(std::string(MIXSTAGE_SOURCE_DIR) + "/deploy/demo/scene.yaml", LoadModel);
   ASSERT_TRUE(scene) << scene.error().message;
   const Rig rig = SyntheticRig();
   PinholeCamera camera = rig.color;
