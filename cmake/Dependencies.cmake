@@ -14,6 +14,7 @@ find_package(tinyobjloader REQUIRED)
 find_package(prometheus-cpp CONFIG REQUIRED)
 find_package(Boost 1.74 REQUIRED)
 find_package(OpenSSL REQUIRED)
+find_package(SDL2 REQUIRED)
 pkg_check_modules(lcm REQUIRED IMPORTED_TARGET lcm) # 1.3.1 ships no CMake package
 pkg_check_modules(libav REQUIRED IMPORTED_TARGET libavcodec libavutil)
 find_program(LCM_GEN lcm-gen REQUIRED)
