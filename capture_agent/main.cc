@@ -69,8 +69,10 @@ Status Run(const Options& options) {
 
   std::unique_ptr<TakeRecorder> recorder;
   if (!options.record.empty()) {
-    recorder = std::make_unique<TakeRecorder>(
-        TakeWriterConfig{.folder = options.record, .rig_file = RigFile(options)});
+    const TakeWriterConfig take{.folder = options.record, .rig_file = RigFile(options)};
+    if (!take.rig_file)
+      spdlog::warn("record no rig.json is known: give --rig, or put one into {}", options.record);
+    recorder = std::make_unique<TakeRecorder>(take);
     if (auto ok = recorder->Start(); !ok) return Within("--record", ok.error());
   }
 
@@ -109,7 +111,8 @@ int main(int argc, char** argv) {
   app.add_option("--rate", options.rate, "take: real time, or max (as fast as the network takes it)")
       ->check(CLI::IsMember({"real", "max"}))
       ->capture_default_str();
-  app.add_option("--rig", options.rig_file, "synthetic: rig.json whose cameras see the room");
+  app.add_option("--rig", options.rig_file,
+                 "rig.json: whose cameras see the synthetic room; goes beside a recording");
   app.add_option("--record", options.record, "folder to record into (a new take), while publishing");
   app.add_option("--lcm", options.lcm_url, "LCM URL")->capture_default_str();
   app.add_option(

@@ -15,6 +15,7 @@ find_package(prometheus-cpp CONFIG REQUIRED)
 find_package(draco CONFIG REQUIRED)
 find_package(Boost 1.74 REQUIRED)
 find_package(OpenSSL 3.0 REQUIRED)
+find_package(SDL2 REQUIRED)
 pkg_check_modules(lcm REQUIRED IMPORTED_TARGET lcm) # 1.3.1 ships no CMake package
 pkg_check_modules(libav REQUIRED IMPORTED_TARGET libavcodec libavutil)
 pkg_check_modules(egl REQUIRED IMPORTED_TARGET egl)

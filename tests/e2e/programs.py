@@ -73,10 +73,10 @@ class Studio:
                 values[name] = float(value)
         return values
 
-    def view(self, seconds, expect=0):
+    def view(self, seconds, *more, expect=0):
         """mixstage-view for some seconds; its JSON line."""
-        run = subprocess.run([str(self.build / "mixstage-view"), self.url, "--seconds", str(seconds)], capture_output=True,
-                             text=True, timeout=seconds + 60)
+        run = subprocess.run([str(self.build / "mixstage-view"), self.url, "--seconds", str(seconds), *map(str, more)],
+                             capture_output=True, text=True, timeout=seconds + 60)
         assert run.returncode == expect, f"mixstage-view ended with {run.returncode}: {run.stderr.strip()}"
         return json.loads(run.stdout.strip().splitlines()[-1]) if expect == 0 else run.stderr
 

@@ -10,12 +10,14 @@ import shutil
 import signal
 import socket
 import ssl
+import struct
 import subprocess
 import sys
 import tempfile
 import time
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from display import Display
 from programs import DEMO, Studio, crash, resident_mb, run_all
 
 BUILD = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "build").resolve()
@@ -430,6 +432,54 @@ def a_recording_of_a_recording_is_the_same_bytes():
         assert angles and angles[0] == (first / "ptu.txt").read_text().splitlines()[1].split()[1:], angles[:1]
 
 
+def what_the_viewer_keeps_is_a_take():
+    with tempfile.TemporaryDirectory() as folder, Studio(BUILD) as studio:
+        dump, out = pathlib.Path(folder) / "dump", pathlib.Path(folder) / "out"
+        studio.server()
+        studio.agent()
+        studio.wait_until_live()
+        studio.view(4, "--dump", dump)
+        color, depth = listed(dump), listed(dump, "depth")
+        assert len(color) > 10 and len(depth) > 10, (len(color), len(depth))
+        # Width, height, bits and kind (2 RGB, 0 grey) of a PNG.
+        head = [struct.unpack(">IIBB", file.read_bytes()[16:26]) for _, file in (color[-1], depth[-1])]
+        assert head == [(1024, 768, 8, 2), (1024, 768, 16, 0)], head
+        run = subprocess.run([str(BUILD / "mixstage-server"), "--log-level", "error", "process", "--take", str(dump), "--out", str(out),
+                              "--export", "report", "--frames", "0:5", "--json"], capture_output=True, text=True, timeout=300)
+        assert run.returncode == 0 and json.loads(run.stdout)["frames"] == 5, run.stderr
+        studio.view(1, "--dump", dump, expect=2)
+        return f"{len(color)} colour, {len(depth)} depth"
+
+
+def the_window_shows_the_picture_and_takes_keys():
+    with tempfile.TemporaryDirectory() as folder, Studio(BUILD) as studio:
+        with_no_display = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
+        blind = subprocess.run([str(BUILD / "mixstage-view"), studio.url, "--window"], capture_output=True, text=True, timeout=20,
+                               env=with_no_display)
+        assert blind.returncode == 2 and len(blind.stderr.strip().splitlines()) == 1 and "display" in blind.stderr, blind.stderr
+        studio.server()
+        studio.agent()
+        studio.wait_until_live()
+        with Display(folder) as display:
+            viewer = subprocess.Popen([str(BUILD / "mixstage-view"), studio.url, "--window", "--seconds", "60"], stdout=subprocess.PIPE,
+                                      stderr=subprocess.PIPE, text=True, env=dict(os.environ, DISPLAY=display.name, SDL_VIDEODRIVER="x11"))
+            studio.running.append(viewer)
+
+            def lit():
+                """The columns that are not black somewhere."""
+                width, height, rows = display.pixels()
+                strips = [rows[y] for y in range(0, height, 16)]
+                return sum(any(row[4 * x:4 * x + 3] != b"\0\0\0" for row in strips) for x in range(width))
+
+            Studio.wait_for(lambda: lit() > 1000, 20, "the window shows nothing")
+            assert lit() <= 1024, lit()
+            display.press("d")
+            Studio.wait_for(lambda: lit() > 1900, 20, "no depth beside the picture")
+            display.press("q")
+            out = viewer.communicate(timeout=20)[0]
+            assert viewer.returncode == 0 and json.loads(out.splitlines()[-1])["frames"] > 0, out
+
+
 def wrong_use_is_one_line_and_exit_2():
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
@@ -481,7 +531,8 @@ TESTS = [help_and_version_answer_everywhere, wrong_use_is_one_line_and_exit_2, l
          strangers_log_in_by_tls_and_go_when_revoked, two_directors_edit_one_scene, without_a_scene_an_edit_is_refused,
          hostile_datagrams_do_not_disturb_the_show, sigterm_ends_cleanly, no_server_never_blocks_the_agent,
          metrics_and_health_tell_the_truth, a_killed_server_leaves_a_take_that_plays,
-         a_recording_of_a_recording_is_the_same_bytes]
+         a_recording_of_a_recording_is_the_same_bytes, what_the_viewer_keeps_is_a_take,
+         the_window_shows_the_picture_and_takes_keys]
 
 if len(sys.argv) > 2:
     TESTS = [t for t in TESTS if sys.argv[2] in t.__name__]

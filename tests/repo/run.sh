@@ -22,4 +22,5 @@ check include_order python3 tests/repo/include_order.py .
 check formatted formatted
 check licensed licensed
 check small_files small
+[ -d build ] && check client_package tests/repo/client_package.sh build
 exit $status

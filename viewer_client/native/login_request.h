@@ -69,7 +69,7 @@ class LoginRequest {
 
   void OnAnswer() {
     const unsigned status = parser_.get().result_int();
-    if (status == 404) {
+    if (status == 404 || status == 405) {  // 405: of servers that only serve pages
       answer_ = {LoginOutcome::kNotNeeded, {}, {}};
     } else if (status == 401) {
       answer_ = {LoginOutcome::kRefused, {}, "the server refused the token"};

@@ -2,7 +2,11 @@
 //
 // mixstage-view: watches a server without a browser and says what came, in numbers.
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <atomic>
 #include <csignal>
+#include <cstdlib>
+#include <fstream>
 #include <iostream>
 #include <mutex>
 #include <thread>
@@ -10,22 +14,45 @@
 #include "proto/base/clock.h"
 #include "proto/base/log.h"
 #include "proto/base/version.h"
+#include "viewer_client/native/picture_dump.h"
+#include "viewer_client/native/picture_window.h"
 #include "viewer_client/native/view_measure.h"
 #include "viewer_client/native/watch_client.h"
 
 namespace mixstage {
 namespace {
 
-constexpr const char* kExample =
-    "Example: mixstage-view http://localhost:8090/ --seconds 10 --stats\n"
-    "The last line is JSON. Exit code 0: pictures were decoded; 1: none came; 2: wrong usage.";
+constexpr const char* kFooter =
+    "Examples:\n"
+    "  mixstage-view http://localhost:8090/ --seconds 10 --stats\n"
+    "  mixstage-view https://studio.example/ --token token.txt --ca studio.pem --dump pictures\n"
+    "The token of a server that asks for a login comes from --token or the variable MIXSTAGE_TOKEN.\n"
+    "The last line is JSON. Exit code 0: pictures were decoded; 1: none came; 2: wrong usage, or no display\n"
+    "for --window; 3: the server refused the login.";
+
+constexpr int kNoPicture = 1, kLoginRefused = 3;
 
 struct Options {
-  std::string url;
+  std::string url, token_file, ca_file, dump;
   double seconds = 0;  // 0 = until interrupted
-  bool stats = false, json = false;
+  bool stats = false, json = false, insecure = false, window = false;
   std::string log_level = "warn";
 };
+
+// The first line of a file, of standard input ("-"), or the variable MIXSTAGE_TOKEN; empty = none.
+Result<std::string> ReadToken(const std::string& file) {
+  std::string token;
+  if (file.empty()) {
+    const char* variable = std::getenv("MIXSTAGE_TOKEN");
+    return variable != nullptr ? std::string(variable) : std::string();
+  }
+  std::ifstream in(file == "-" ? "/dev/stdin" : file);
+  if (!std::getline(in, token) || token.empty()) {
+    return Fail(ErrorCode::kInvalidConfig, "--token " + file + ": holds no token");
+  }
+  if (token.ends_with('\r')) token.pop_back();
+  return token;
+}
 
 // What the client's thread and the printing one share.
 struct Watched {
@@ -36,7 +63,13 @@ struct Watched {
   std::string disconnected;  // why the last attempt ended; empty while connected
 };
 
-WatchCallbacks MeasureInto(Watched& watched) {
+// Where the pictures go, besides being counted; null = nowhere.
+struct Outputs {
+  std::unique_ptr<PictureDump> dump;
+  std::unique_ptr<PictureWindow> window;
+};
+
+WatchCallbacks Callbacks(Watched& watched, const Outputs& out) {
   const auto picture = [&watched](const WatchHeader& header, const PictureArrival& arrival) {
     std::optional<double> latency_ms;
     if (arrival.decoded_server_us) {
@@ -47,8 +80,16 @@ WatchCallbacks MeasureInto(Watched& watched) {
     watched.measure.OnPicture(header, arrival.message_bytes, MonotonicMicros(), latency_ms);
   };
   WatchCallbacks callbacks;
-  callbacks.on_color = [picture](const ColorPicture& p, const PictureArrival& a) { picture(p.header, a); };
-  callbacks.on_depth = [picture](const WatchedDepth& p, const PictureArrival& a) { picture(p.header, a); };
+  callbacks.on_color = [picture, &out](const ColorPicture& p, const PictureArrival& a) {
+    picture(p.header, a);
+    if (out.dump) out.dump->Color(p);
+    if (out.window) out.window->SetColor(p);
+  };
+  callbacks.on_depth = [picture, &out](const WatchedDepth& p, const PictureArrival& a) {
+    picture(p.header, a);
+    if (out.dump) out.dump->Depth(p);
+    if (out.window) out.window->SetDepth(p);
+  };
   callbacks.on_stats = [&watched](const WatchStats& stats) {
     const std::lock_guard lock(watched.mutex);
     watched.measure.OnStats(stats);
@@ -84,13 +125,18 @@ void PrintSecond(const Options& options, Watched& watched) {
   }
 }
 
-// Until the time is over or somebody interrupts; SIGINT and SIGTERM are blocked in every thread.
-void WaitAndPrint(const Options& options, Watched& watched, const sigset_t& signals) {
+// Until the time is over, the client has ended or somebody interrupts or closes the window; SIGINT and
+// SIGTERM are blocked in every thread.
+void WaitAndPrint(const Options& options, Watched& watched, PictureWindow* window,
+                  const std::atomic<bool>& ended, const sigset_t& signals) {
+  // A window must look at its keys more often.
+  const std::int64_t look_every_us = window != nullptr ? 10'000 : 100'000;
   const std::int64_t start_us = MonotonicMicros();
   std::int64_t next_print_us = start_us + 1'000'000;
-  while (true) {
+  while (!ended) {
+    if (window != nullptr && window->Step() == PictureWindow::State::kClosed) return;
     const std::int64_t now_us = MonotonicMicros();
-    std::int64_t wake_us = next_print_us;
+    std::int64_t wake_us = std::min(next_print_us, now_us + look_every_us);
     if (options.seconds > 0) {
       const std::int64_t end_us = start_us + static_cast<std::int64_t>(options.seconds * 1e6);
       if (now_us >= end_us) return;
@@ -114,28 +160,52 @@ int Run(const Options& options) {
   sigaddset(&signals, SIGTERM);
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
 
+  const auto report_error = [](const Error& error) {
+    std::cerr << "mixstage-view: " << error.message << "\n";
+    return ExitCode(error);
+  };
+  const Result<std::string> token = ReadToken(options.token_file);
+  if (!token) return report_error(token.error());
+  Outputs out;
+  if (options.window) {
+    auto window = PictureWindow::Create("mixstage-view " + options.url + "   d: depth   q: close");
+    if (!window) return report_error(window.error());
+    out.window = std::move(*window);
+  }
   Watched watched(MonotonicMicros());
   const Result<std::unique_ptr<WatchClient>> client =
-      WatchClient::Create({.url = options.url}, MeasureInto(watched));
-  if (!client) {
-    std::cerr << "mixstage-view: " << client.error().message << "\n";
-    return ExitCode(client.error());
+      WatchClient::Create({.url = options.url,
+                           .token = *token,
+                           .ca_file = options.ca_file,
+                           .tls_check = options.insecure ? TlsCheck::kNone : TlsCheck::kCertificate},
+                          Callbacks(watched, out));
+  if (!client) return report_error(client.error());
+  if (!options.dump.empty()) {
+    auto dump = PictureDump::Create(options.dump);
+    if (!dump) return report_error(dump.error());
+    out.dump = std::move(*dump);
   }
+  WatchEnd end = WatchEnd::kStopped;
   {
-    const std::jthread thread([&client](const std::stop_token& stop) { (*client)->Run(stop); });
-    WaitAndPrint(options, watched, signals);
+    std::atomic<bool> ended = false;
+    const std::jthread thread([&](const std::stop_token& stop) {
+      end = (*client)->Run(stop);
+      ended = true;
+    });
+    WaitAndPrint(options, watched, out.window.get(), ended, signals);
+  }
+  if (out.dump) {
+    const RecordingStatus dumped = out.dump->Finish();
+    std::cerr << "dumped " << dumped.pictures << " pictures to " << options.dump << ", left out "
+              << dumped.dropped << "\n";
   }
   const ViewReport report = watched.measure.Total();
   std::cout << ToJsonLine(report) << std::endl;
-  if (report.frames > 0) return 0;
-  std::cerr << "mixstage-view: no picture came from " << options.url;
-  if (!watched.disconnected.empty()) {
-    std::cerr << ": " << watched.disconnected;
-  } else if (!watched.server_says.empty()) {
-    std::cerr << ": " << watched.server_says;
-  }
-  std::cerr << "\n";
-  return 1;
+  if (report.frames > 0 && end == WatchEnd::kStopped) return 0;
+  std::cerr << "mixstage-view: "
+            << (report.frames > 0 ? "the watching ended: " : "no picture came from " + options.url + ": ")
+            << (watched.disconnected.empty() ? watched.server_says : watched.disconnected) << "\n";
+  return end == WatchEnd::kLoginRefused ? kLoginRefused : kNoPicture;
 }
 
 }  // namespace
@@ -143,16 +213,23 @@ int Run(const Options& options) {
 
 int main(int argc, char** argv) {
   mixstage::Options options;
-  CLI::App app("Watches a MixStage server: decodes colour and depth and measures what comes.",
+  CLI::App app("Watches a MixStage server: decodes colour and depth, measures, shows or keeps what comes.",
                "mixstage-view");
-  app.footer(mixstage::kExample);
+  app.footer(mixstage::kFooter);
   app.set_version_flag("--version", std::string("mixstage-view ") + mixstage::kVersion);
-  app.add_option("URL", options.url, "the page's address, http://HOST:PORT/")->required();
+  app.add_option("URL", options.url, "the page's address, http://HOST:PORT/ or https://...")->required();
   app.add_option("--seconds", options.seconds, "how long to watch; 0 = until interrupted")
       ->check(CLI::Range(0.0, 1e7))
       ->capture_default_str();
   app.add_flag("--stats", options.stats, "a line every second");
   app.add_flag("--json", options.json, "JSON instead of sentences every second");
+  app.add_flag("--window", options.window, "show the pictures; keys: d depth beside them, q or Esc close");
+  app.add_option("--dump", options.dump,
+                 "keep the pictures in this new folder: rgb/*.png, depth/*.png (16 bit, mm), lists of times");
+  app.add_option("--token", options.token_file, "file that holds the login's token; - = standard input");
+  app.add_option("--ca", options.ca_file, "https: certificates to trust (PEM) instead of the system's");
+  app.add_flag("--insecure", options.insecure,
+               "https: trust any certificate (whoever is between reads along)");
   app.add_option("--log-level", options.log_level, "trace, debug, info, warn, error or off")
       ->capture_default_str();
   try {

@@ -189,7 +189,12 @@ TEST(WatchClient, StopsAtOnceWhereNobodyListens) {
 }
 
 TEST(WatchClient, ConfigurationIsChecked) {
-  EXPECT_FALSE(WatchClient::Create({.url = "https://localhost/"}, {}));
+  EXPECT_FALSE(WatchClient::Create({.url = "https://localhost/", .ca_file = "gone.pem"}, {}));
+  const std::string token(43, 'a');
+  EXPECT_TRUE(WatchClient::Create({.url = "http://localhost/", .token = token}, {}));
+  EXPECT_TRUE(WatchClient::Create({.url = "https://studio/", .token = token}, {}));
+  EXPECT_FALSE(WatchClient::Create({.url = "http://localhost/", .token = "short"}, {}));
+  EXPECT_FALSE(WatchClient::Create({.url = "http://studio/", .token = token}, {})) << "in the clear";
   EXPECT_FALSE(WatchClient::Create({.url = "http://localhost/", .connect_timeout_s = 0}, {}));
   EXPECT_FALSE(WatchClient::Create({.url = "http://localhost/", .shortest_backoff_s = 9}, {}));
 }
