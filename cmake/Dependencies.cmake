@@ -13,6 +13,9 @@ find_package(TinyGLTF REQUIRED)
 find_package(tinyobjloader REQUIRED)
 find_package(prometheus-cpp CONFIG REQUIRED)
 find_package(draco CONFIG REQUIRED)
+# Debian's libdraco carries a tinygltf of another version and exports it: of the two the first in the link is called.
+# As a dependency of the real one it always comes behind.
+target_link_libraries(TinyGLTF::TinyGLTF INTERFACE draco::draco)
 find_package(Boost 1.74 REQUIRED)
 find_package(OpenSSL 3.0 REQUIRED)
 find_package(SDL2 REQUIRED)

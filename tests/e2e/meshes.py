@@ -88,7 +88,7 @@ def the_mesh_lies_on_the_true_figure():
     error = np.abs(z - truth[at])[matte[at] == 255]
     assert len(error) > 0.8 * len(points), (len(error), len(points))
     median, p90 = np.percentile(error, [50, 90])
-    # The sensor's own noise is 20 mm at this distance; the tenth that is worse lies where the body turns away.
+    # Of a sensor with noise; the tenth that is worse lies where the body turns away.
     assert median < 0.015 and p90 < 0.06, (median, p90)
     spans = np.ptp(z[triangles], axis=1)
     assert spans.max() < 0.2, f"a triangle spans {spans.max():.2f} m"
