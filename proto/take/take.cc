@@ -99,8 +99,10 @@ Status ReadPictureList(Take& take, const char* name, std::vector<TakeEntry>& ent
       if (end == LineEnd::kTorn) return LeaveTornTailOut(take, list);
       return Fail(ErrorCode::kBadInput, "is not \"timestamp file\"");
     }
-    if (LeavesTheTake(take.folder, relative))
+    if (LeavesTheTake(take.folder, relative)) {
+      if (end == LineEnd::kTorn) return LeaveTornTailOut(take, list);
       return Fail(ErrorCode::kBadInput, relative + " leads out of the take's folder");
+    }
     entry.file = take.folder / relative;
     std::error_code ignored;
     // Empty: named in the list before a power cut, but never written to the disk.
