@@ -343,6 +343,7 @@ def without_a_scene_an_edit_is_refused():
     with Studio(BUILD) as studio:
         studio.server(scene=None)
         s = handshake(studio.port)
+        Studio.wait_for(lambda: b"hello" in s.recv(4096), 5, "no hello")
         s.sendall(text_frame(b'{"type": "edit", "id": 4, "op": "undo"}'))
         Studio.wait_for(lambda: b"--scene" in s.recv(4096), 5, "no refusal")
 
