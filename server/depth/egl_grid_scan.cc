@@ -5,8 +5,8 @@
 #include <array>
 #include <cstring>
 
-#include "mixstage_shaders/depth.h"
-#include "mixstage_shaders/raster.h"
+#include <mixstage_shaders/depth.h>
+#include <mixstage_shaders/raster.h>
 #include "proto/base/check.h"
 #include "server/gl/clip_space.h"
 

@@ -6,7 +6,7 @@
 #include <span>
 #include <utility>
 
-#include "mixstage_shaders/raster.h"
+#include <mixstage_shaders/raster.h>
 #include "proto/base/check.h"
 #include "proto/base/log.h"
 #include "server/gl/clip_space.h"

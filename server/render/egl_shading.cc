@@ -10,8 +10,8 @@
 #include <span>
 #include <utility>
 
-#include "mixstage_shaders/raster.h"
-#include "mixstage_shaders/render.h"
+#include <mixstage_shaders/raster.h>
+#include <mixstage_shaders/render.h>
 #include "server/render/cg_fragments.h"
 
 namespace mixstage {
