@@ -82,7 +82,7 @@ class BasicTestViewer {
   }
 
   [[nodiscard]] bool connected() const { return !error_; }
-  [[nodiscard]] int http_status() const { return response_.result_int(); }
+  [[nodiscard]] int http_status() const { return static_cast<int>(response_.result_int()); }
 
   // The next message; nothing when the server closed (close_code() says how) or sent nothing in time.
   std::optional<Received> Read() {
