@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/depth/egl_grid_scan.h"
 
+#include <mixstage_shaders/depth.h>
+#include <mixstage_shaders/raster.h>
 #include <algorithm>
 #include <array>
 #include <cstring>
 
-#include <mixstage_shaders/depth.h>
-#include <mixstage_shaders/raster.h>
 #include "proto/base/check.h"
 #include "server/gl/clip_space.h"
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/raster/egl_rasteriser.h"
 
+#include <mixstage_shaders/raster.h>
 #include <algorithm>
 #include <cstddef>
 #include <span>
 #include <utility>
 
-#include <mixstage_shaders/raster.h>
 #include "proto/base/check.h"
 #include "proto/base/log.h"
 #include "server/gl/clip_space.h"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/render/egl_shading.h"
 
+#include <mixstage_shaders/raster.h>
+#include <mixstage_shaders/render.h>
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -10,8 +12,6 @@
 #include <span>
 #include <utility>
 
-#include <mixstage_shaders/raster.h>
-#include <mixstage_shaders/render.h>
 #include "server/render/cg_fragments.h"
 
 namespace mixstage {
