@@ -19,24 +19,25 @@ constexpr int kFits = 3;
 // Under a footprint: what lies this much above the base still carries it (an object that sank in a little).
 constexpr double kSunken_m = 0.05;
 constexpr double kLeastFootprint_m = 0.05;
-constexpr double kLayer_m = 0.04;       // a horizontal surface with its noise is not thicker
-constexpr double kLayerShare = 0.15;    // of the footprint's samples make a surface; the side of a cupboard,
-constexpr std::size_t kLayerCount = 6;  // spread over its height, makes none
+constexpr double kLevelCosine = 0.7;  // of the angle between a surface that carries and the horizontal
+constexpr double kLayer_m = 0.04;     // a horizontal surface with its noise is not thicker
+constexpr double kLayerShare = 0.15;  // of the footprint's level samples make a surface
+constexpr std::size_t kLayerCount = 6;
 
-struct Sample {
+struct Measured {
   Eigen::Vector2d direction;
   double z = 0, sigma = 0;
 };
 
 // A plane is linear in 1/z over (x/z, y/z). z at `at` by samples that agree with each other, near z_near.
-double FitDepth(const std::vector<Sample>& samples, const Eigen::Vector2d& at, double z_near) {
+double FitDepth(const std::vector<Measured>& samples, const Eigen::Vector2d& at, double z_near) {
   Eigen::Vector3d plane(1 / z_near, 0, 0);
   double gate = kNearby * z_near;  // m
   for (int fit = 0; fit < kFits; ++fit) {
     Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
     Eigen::Vector3d b = Eigen::Vector3d::Zero();
     int count = 0;
-    for (const Sample& sample : samples) {
+    for (const Measured& sample : samples) {
       const Eigen::Vector3d row(1, sample.direction.x() - at.x(), sample.direction.y() - at.y());
       if (!(std::abs(sample.z - 1 / row.dot(plane)) <= std::max(gate, 3 * sample.sigma))) continue;
       const double weight = sample.z * sample.z / sample.sigma;  // of 1/z
@@ -99,7 +100,7 @@ std::optional<Eigen::Vector3d> RoomDepthProbe::SurfaceUnder(double u, double v) 
       cv::Rect(static_cast<int>(std::lround(at_x)) - kReach, static_cast<int>(std::lround(at_y)) - kReach,
                2 * kReach + 1, 2 * kReach + 1) &
       cv::Rect({0, 0}, directions_.size());
-  std::vector<Sample> samples;
+  std::vector<Measured> samples;
   double nearest = 1.5;  // samples away: farther, and the pixel's own depth is not known
   double z_near = 0;
   for (int y = window.y; y < window.br().y; ++y) {
@@ -118,6 +119,24 @@ std::optional<Eigen::Vector3d> RoomDepthProbe::SurfaceUnder(double u, double v) 
   return T_scene_color_ * (FitDepth(samples, *direction, z_near) * direction->homogeneous());
 }
 
+std::optional<Eigen::Vector3d> RoomDepthProbe::Sample(int x, int y) const {
+  if (x < 0 || y < 0 || x >= directions_.cols || y >= directions_.rows) return std::nullopt;
+  const double z = room_->room_depth_m(y, x);
+  const cv::Vec2f& ray = directions_(y, x);
+  if (!(z > 0) || std::isnan(ray[0])) return std::nullopt;
+  return T_scene_color_ * Eigen::Vector3d(ray[0] * z, ray[1] * z, z);
+}
+
+// By the samples to each side: the front of a cupboard carries nothing, however its noise sways.
+bool RoomDepthProbe::IsLevel(int x, int y) const {
+  const auto left = Sample(x - kReach, y);
+  const auto right = Sample(x + kReach, y);
+  const auto above = Sample(x, y - kReach);
+  const auto below = Sample(x, y + kReach);
+  if (!left || !right || !above || !below) return false;
+  return std::abs(up_.dot((*right - *left).cross(*below - *above).normalized())) > kLevelCosine;
+}
+
 std::optional<double> RoomDepthProbe::HighestSurfaceBelow(const Eigen::Vector3d& base,
                                                           double radius_m) const {
   if (!room_) return std::nullopt;
@@ -125,13 +144,12 @@ std::optional<double> RoomDepthProbe::HighestSurfaceBelow(const Eigen::Vector3d&
   std::vector<double> heights;  // above base
   for (int y = 0; y < directions_.rows; ++y) {
     for (int x = 0; x < directions_.cols; ++x) {
-      const double z = room_->room_depth_m(y, x);
-      const cv::Vec2f& ray = directions_(y, x);
-      if (!(z > 0) || std::isnan(ray[0])) continue;
-      const Eigen::Vector3d offset = T_scene_color_ * Eigen::Vector3d(ray[0] * z, ray[1] * z, z) - base;
+      const auto point = Sample(x, y);
+      if (!point) continue;
+      const Eigen::Vector3d offset = *point - base;
       const double height = up_.dot(offset);
       if (height > kSunken_m || (offset - height * up_).squaredNorm() > radius * radius) continue;
-      heights.push_back(height);
+      if (IsLevel(x, y)) heights.push_back(height);
     }
   }
   const std::size_t layer =

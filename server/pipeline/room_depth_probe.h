@@ -29,6 +29,10 @@ class RoomDepthProbe : public RoomProbe {
  private:
   // (x/z, y/z) of a pixel inside the picture.
   [[nodiscard]] std::optional<Eigen::Vector2d> Direction(double u, double v) const;
+  // A sample of the room model in the scene; nothing where there is none.
+  [[nodiscard]] std::optional<Eigen::Vector3d> Sample(int x, int y) const;
+  // Whether the surface around a sample is nearer to the horizontal than to the vertical.
+  [[nodiscard]] bool IsLevel(int x, int y) const;
 
   PinholeCamera color_;
   cv::Mat2f directions_;  // [Quarter(h) x Quarter(w)] (x/z, y/z) of the room model's samples, NaN = no ray

@@ -6,9 +6,9 @@
 //
 // --truth is a JSON list of {x, y, z_m, tolerance_m}: depth of the composite at pixels of the picture that stand still
 // (z_m null: nothing known there). --server and --agent replace the command lines; {listen}, {lcm}, {build},
-// {demo} (deploy/demo) are filled in.
+// {demo} (deploy/demo) and {scene} (a copy of it: directors save into it) are filled in.
 // Prints `ok name` or `FAIL name: why` a line; ends with 1 when a check failed, with 2 when it could not begin.
-import { mkdirSync, readFileSync } from 'node:fs';
+import { cpSync, mkdirSync, mkdtempSync, readFileSync, rmSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join, resolve } from 'node:path';
 import { fileURLToPath } from 'node:url';
@@ -16,6 +16,7 @@ import { parseArgs } from 'node:util';
 import { kAgentChecks, kLastChecks, kLiveChecks, kServerChecks } from './checks.mjs';
 import { Director, launch } from './director.mjs';
 import { Program, freePort, waitForPage } from './programs.mjs';
+import { kSceneChecks } from './scene_checks.mjs';
 
 const text = { type: 'string' };
 const { values: options } = parseArgs({
@@ -31,7 +32,7 @@ const { values: options } = parseArgs({
 });
 
 const kServer =
-  '{build}/mixstage-server run --rig {demo}/rig.json --scene {demo}/scene.yaml --listen {listen} --lcm {lcm} --page {build}/page';
+  '{build}/mixstage-server run --rig {demo}/rig.json --scene {scene}/scene.yaml --listen {listen} --lcm {lcm} --page {build}/page';
 const kAgent = '{build}/mixstage-agent --source synthetic --lcm {lcm}';
 
 function command(template, values) {
@@ -45,9 +46,14 @@ async function startPrograms(shots) {
   const listen = `127.0.0.1:${await freePort()}`;
   // A group port of its own keeps this show apart from another on the same machine; ttl 0 keeps it on the machine.
   const lcm = `udpm://239.255.77.${1 + (process.pid % 250)}:${20000 + (process.pid % 20000)}?ttl=0`;
+  const demo = fileURLToPath(new URL('../../deploy/demo', import.meta.url));
+  const scene = mkdtempSync(join(tmpdir(), 'mixstage_scene_'));
+  process.on('exit', () => rmSync(scene, { recursive: true, force: true }));
+  cpSync(demo, scene, { recursive: true });
   const values = {
     build: resolve(options.build ?? '.'),
-    demo: fileURLToPath(new URL('../../deploy/demo', import.meta.url)),
+    demo,
+    scene,
     listen,
     lcm,
   };
@@ -133,6 +139,7 @@ async function main() {
     director.opened_ms = Date.now();
   }
   await run(kLiveChecks, context);
+  if (server !== null) await run(kSceneChecks, context);
   if (agent !== null) await run(kAgentChecks, context);
   if (server !== null) await run(kServerChecks, context);
   await run(kLastChecks, context);
