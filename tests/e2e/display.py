@@ -5,20 +5,29 @@ import os
 import pathlib
 import struct
 import subprocess
+import time
 
 
 class Display:
     def __init__(self, folder, width=2100, height=900):
-        self.folder = pathlib.Path(folder)
+        self.folder, self.width, self.height = pathlib.Path(folder), width, height
         read, write = os.pipe()
         self.process = subprocess.Popen(["Xvfb", "-displayfd", str(write), "-screen", "0", f"{width}x{height}x24", "-fbdir",
                                          str(self.folder), "-nolisten", "tcp"], pass_fds=[write], stdout=subprocess.DEVNULL,
                                         stderr=subprocess.DEVNULL)
         os.close(write)
-        number = os.read(read, 16).decode().strip()
-        os.close(read)
+        with os.fdopen(read) as answer:
+            number = answer.readline().strip()
         assert number, "Xvfb does not start"
         self.name = f":{number}"
+        # It tells its number before it lets anybody in.
+        self.x11, self.xtst = ctypes.CDLL("libX11.so.6"), ctypes.CDLL("libXtst.so.6")
+        self.x11.XOpenDisplay.restype = ctypes.c_void_p
+        self.connection, end = None, time.monotonic() + 20
+        while not self.connection:
+            assert time.monotonic() < end, "Xvfb lets nobody in"
+            time.sleep(0.05)
+            self.connection = ctypes.c_void_p(self.x11.XOpenDisplay(self.name.encode()))
 
     def __enter__(self):
         return self
@@ -36,12 +45,9 @@ class Display:
         return width, height, [data[start + y * bytes_per_line: start + y * bytes_per_line + 4 * width] for y in range(height)]
 
     def press(self, key):
-        """A letter, on the window that has the focus."""
-        x11, xtst = ctypes.CDLL("libX11.so.6"), ctypes.CDLL("libXtst.so.6")
-        x11.XOpenDisplay.restype = ctypes.c_void_p
-        display = ctypes.c_void_p(x11.XOpenDisplay(self.name.encode()))
-        code = x11.XKeysymToKeycode(display, ctypes.c_ulong(ord(key)))
+        """A letter, on the window in the middle: without a window manager keys go where the pointer is."""
+        code = self.x11.XKeysymToKeycode(self.connection, ctypes.c_ulong(ord(key)))
+        self.xtst.XTestFakeMotionEvent(self.connection, 0, self.width // 2, self.height // 2, ctypes.c_ulong(0))
         for down in (1, 0):
-            xtst.XTestFakeKeyEvent(display, code, down, ctypes.c_ulong(0))
-        x11.XSync(display, 0)
-        x11.XCloseDisplay(display)
+            self.xtst.XTestFakeKeyEvent(self.connection, code, down, ctypes.c_ulong(0))
+        self.x11.XSync(self.connection, 0)

@@ -3,6 +3,7 @@
 
 #include <SDL2/SDL.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <opencv2/imgproc.hpp>
 #include <string_view>
@@ -127,8 +128,13 @@ class PictureWindow::Screen {
   void Resize() {
     if (width_ == 0) return;
     const int width = shows_depth_ ? 2 * width_ : width_;
-    SDL_SetWindowSize(window_.get(), width, height_);
-    SDL_RenderSetLogicalSize(renderer_.get(), width, height_);  // a person may size the window as he likes
+    SDL_RenderSetLogicalSize(renderer_.get(), width, height_);  // scaled to what the window is sized to
+    SDL_Rect screen{0, 0, width, height_};
+    SDL_GetDisplayUsableBounds(std::max(0, SDL_GetWindowDisplayIndex(window_.get())), &screen);
+    const double scale =
+        std::min({1.0, static_cast<double>(screen.w) / width, static_cast<double>(screen.h) / height_});
+    SDL_SetWindowSize(window_.get(), static_cast<int>(scale * width), static_cast<int>(scale * height_));
+    SDL_SetWindowPosition(window_.get(), SDL_WINDOWPOS_CENTERED, SDL_WINDOWPOS_CENTERED);
     redraw_ = true;
   }
 
