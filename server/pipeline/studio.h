@@ -42,8 +42,8 @@ class Studio {
 
   // Fixes the empty set for good; without it the studio learns it from the frames it sees.
   void SetRoom(std::shared_ptr<const BackgroundModel> room, RoomState state);
-  // The scene from the next frame on; of the frame (world, camera) of the one before, and only where there was
-  // one (checked).
+  // The scene from the next frame on; of the frame (world, camera) of the one before, and only where there
+  // was one (checked).
   void SetScene(std::shared_ptr<const Scene> scene);
   // What is known about the empty set now; null while it is being learnt.
   [[nodiscard]] const std::shared_ptr<const BackgroundModel>& room() const { return room_; }
