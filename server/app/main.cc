@@ -10,6 +10,7 @@
 #include "server/app/config.h"
 #include "server/app/process.h"
 #include "server/app/run.h"
+#include "server/scene/model_process.h"
 #include "server/scene/scene_file.h"
 
 namespace mixstage {
@@ -120,7 +121,7 @@ int Check(const CheckFlags& f) {
                 rig->rig.ptu ? "yes" : "no");
   }
   if (!f.scene.empty()) {
-    auto scene = LoadScene(f.scene);
+    auto scene = LoadScene(f.scene, [](const auto& file) { return LoadModelApart(file); });
     if (!scene) return Report(scene.error());
     for (const std::string& warning : scene->warnings) std::printf("warning: %s\n", warning.c_str());
     std::printf("%s: good: %zu objects, %zu lights\n", f.scene.c_str(), scene->scene.objects.size(),

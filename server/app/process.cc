@@ -19,6 +19,7 @@
 #include "server/ingest/take_ingest.h"
 #include "server/pipeline/broadcast.h"
 #include "server/pipeline/frame_stages.h"
+#include "server/scene/model_process.h"
 #include "server/scene/scene_file.h"
 
 namespace mixstage {
@@ -206,7 +207,7 @@ Result<std::string> RunProcess(const ProcessOptions& options) {
     totals.warnings.push_back("the take has no depth: the key works by colour alone");
   }
   if (options.scene) {
-    auto scene = LoadScene(*options.scene);
+    auto scene = LoadScene(*options.scene, [](const fs::path& file) { return LoadModelApart(file); });
     if (!scene) return tl::unexpected(scene.error());
     totals.warnings.insert(totals.warnings.end(), scene->warnings.begin(), scene->warnings.end());
     setup.scene = std::move(scene->scene);

@@ -33,11 +33,13 @@ Illumination IlluminationOf(const Scene& scene) {
   Illumination light;
   light.up = UpOf(scene.frame);
   light.lights = scene.lights;
-  if (!scene.lights.empty()) {
-    light.ambient_above.setConstant(kScatteredAbove);
-    light.ambient_below.setConstant(kScatteredBelow);
-    return light;
-  }
+  const bool lit = !scene.lights.empty();
+  const Ambient usual =
+      lit ? Ambient{kScatteredAbove, kScatteredBelow} : Ambient{kAmbientAbove, kAmbientBelow};
+  const Ambient ambient = scene.ambient.value_or(usual);
+  light.ambient_above.setConstant(ambient.above);
+  light.ambient_below.setConstant(ambient.below);
+  if (lit) return light;
   const bool world = scene.frame == SceneFrame::kWorld;
   const Eigen::Vector3d left = world ? Eigen::Vector3d::UnitY() : Eigen::Vector3d(-Eigen::Vector3d::UnitX());
   const Eigen::Vector3d front =
@@ -47,8 +49,6 @@ Illumination IlluminationOf(const Scene& scene) {
   key.shape = DirectionalLight{(light.up + 0.5 * left + 0.6 * front).normalized()};
   key.intensity = kKey;
   light.lights.push_back(key);
-  light.ambient_above.setConstant(kAmbientAbove);
-  light.ambient_below.setConstant(kAmbientBelow);
   return light;
 }
 

@@ -38,6 +38,8 @@ Result<LoadedModel> LoadModel(const fs::path& file) {
     if (!model) return Within(file.string(), model.error());
     if (auto ok = CheckMesh(model->mesh); !ok) return Within(file.string(), ok.error());
     return model;
+  } catch (const std::bad_alloc&) {
+    return Fail(ErrorCode::kUnavailable, file.string() + ": needs more memory than there is");
   } catch (const std::exception& e) {
     return Fail(ErrorCode::kBadInput, file.string() + ": cannot be read as a model (" + e.what() + ")");
   }

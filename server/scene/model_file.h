@@ -7,19 +7,16 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
 #include "proto/base/file_bytes.h"
 #include "proto/base/result.h"
 #include "server/scene/mesh.h"
+#include "server/scene/placing.h"
 
 namespace mixstage {
-
-enum class UpAxis {
-  kY = 1,  // glTF, OBJ
-  kZ,      // PLY
-};
 
 struct LoadedModel {
   Mesh mesh;
@@ -27,8 +24,13 @@ struct LoadedModel {
   std::vector<std::string> warnings;  // what was left out, one line each
 };
 
-// By the file's extension. Fails with one line: kInvalidConfig for an unknown extension, kBadInput else.
+// By the file's extension. Fails with one line: kInvalidConfig for an unknown extension,
+// kUnavailable when memory runs out, kBadInput else.
+// Where the file is a stranger's, let LoadModelApart (model_process.h) call it.
 Result<LoadedModel> LoadModel(const std::filesystem::path& file);
+
+// Either of the two.
+using ModelLoader = std::function<Result<LoadedModel>(const std::filesystem::path& file)>;
 
 // Where a name found inside a model leads: a regular file in the model's folder or below it, links resolved.
 // Refused: absolute names, "..", schemes ("http:"), and links that lead out of the folder.

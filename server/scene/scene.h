@@ -7,11 +7,13 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <variant>
 #include <vector>
 
 #include "server/scene/mesh.h"
+#include "server/scene/placing.h"
 
 namespace mixstage {
 
@@ -28,12 +30,17 @@ enum class Body {
 };
 
 struct SceneObject {
+  std::uint32_t id = 0;                                          // > 0, unique for the scene's whole life
   std::string name;                                              // unique in its scene
   std::string file;                                              // as the scene file names it
   std::shared_ptr<const Mesh> mesh;                              // immutable; objects of one file share it
   Eigen::Affine3d T_scene_object = Eigen::Affine3d::Identity();  // file coordinates to the scene's frame
+  // How T_scene_object was written, where it was written so: T_scene_object is exactly that.
+  std::optional<Placing> placing;
+  UpAxis usual_up = UpAxis::kY;  // of its kind of file
   Body body = Body::kMutual;
   bool drop = false;
+  bool hidden = false;  // not drawn
   double mass_kg = 1.0;
 };
 
@@ -55,11 +62,18 @@ struct AreaLight {
 };
 
 struct Light {
+  std::uint32_t id = 0;  // > 0, unique among the scene's lights
   std::string name;
   std::variant<PointLight, DirectionalLight, AreaLight> shape;
   Eigen::Vector3f color = Eigen::Vector3f::Ones();  // linear, >= 0
   float intensity = 1.0f;                           // >= 0
   [[nodiscard]] Eigen::Vector3f Strength() const { return intensity * color; }
+};
+
+// What the room scatters: irradiance / pi on a white surface that faces up, and one that faces down; >= 0.
+struct Ambient {
+  float above = 0, below = 0;
+  bool operator==(const Ambient&) const = default;
 };
 
 struct Reflector {
@@ -72,7 +86,8 @@ struct Reflector {
 struct Scene {
   SceneFrame frame = SceneFrame::kWorld;
   std::vector<SceneObject> objects;
-  std::vector<Light> lights;  // empty: those of the environment, or the default light
+  std::vector<Light> lights;       // empty: those of the environment, or the default light
+  std::optional<Ambient> ambient;  // nothing: as usual with, or without, lights
   std::vector<Reflector> reflectors;
   std::uint64_t revision =
       1;  // whoever changes the scene raises it; pictures drawn of an older one are stale

@@ -2,37 +2,15 @@
 #include "server/scene/scene_file.h"
 
 #include <map>
-#include <numbers>
 
 namespace mixstage {
-namespace {
-
-constexpr std::size_t kSceneBytes = 1u << 20;
-constexpr std::size_t kSceneTriangles = 2 * ModelLimits::kTriangles;  // instances counted: they are all drawn
-
-}  // namespace
 
 Eigen::Vector3d UpOf(SceneFrame frame) {
   return frame == SceneFrame::kWorld ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d(-Eigen::Vector3d::UnitY());
 }
 
-Eigen::Affine3d TSceneObject(const Placing& placing, UpAxis usual_up) {
-  constexpr double kRadPerDeg = std::numbers::pi / 180.0;
-  Eigen::Affine3d T = Eigen::Affine3d::Identity();
-  T.translate(Eigen::Vector3d(placing.position[0], placing.position[1], placing.position[2]));
-  T.rotate(Eigen::AngleAxisd(placing.rotation_deg[2] * kRadPerDeg, Eigen::Vector3d::UnitZ()));
-  T.rotate(Eigen::AngleAxisd(placing.rotation_deg[1] * kRadPerDeg, Eigen::Vector3d::UnitY()));
-  T.rotate(Eigen::AngleAxisd(placing.rotation_deg[0] * kRadPerDeg, Eigen::Vector3d::UnitX()));
-  T.scale(placing.scale);
-  // y to z about x: (x, y, z) -> (x, -z, y).
-  if (placing.up.value_or(usual_up) == UpAxis::kY) {
-    T.rotate(Eigen::AngleAxisd(0.5 * std::numbers::pi, Eigen::Vector3d::UnitX()));
-  }
-  return T;
-}
-
-Result<LoadedScene> LoadScene(const std::filesystem::path& file) {
-  auto bytes = ReadFileBytes(file, kSceneBytes);
+Result<LoadedScene> LoadScene(const std::filesystem::path& file, const ModelLoader& load) {
+  auto bytes = ReadFileBytes(file, kSceneFileBytes);
   if (!bytes) return Fail(ErrorCode::kInvalidConfig, file.string() + " " + bytes.error().message);
   auto description = ParseScene(std::string(bytes->begin(), bytes->end()), file.string());
   if (!description) return tl::unexpected(description.error());
@@ -47,6 +25,8 @@ Result<LoadedScene> LoadScene(const std::filesystem::path& file) {
   loaded.warnings = std::move(description->warnings);
   loaded.scene.frame = description->frame;
   loaded.scene.lights = std::move(description->lights);
+  for (std::uint32_t id = 1; Light & light : loaded.scene.lights) light.id = id++;
+  loaded.scene.ambient = description->ambient;
   loaded.scene.reflectors = std::move(description->reflectors);
   for (SceneDescription::Object& object : description->objects) {
     const std::string place =
@@ -54,7 +34,7 @@ Result<LoadedScene> LoadScene(const std::filesystem::path& file) {
     const std::filesystem::path path = file.parent_path() / object.file;
     auto found = models.find(path.lexically_normal().string());
     if (found == models.end()) {
-      auto model = LoadModel(path);
+      auto model = load(path);
       if (!model) return Within(place, model.error());
       for (const std::string& warning : model->warnings) {
         loaded.warnings.push_back("object " + object.name + ": " + object.file + ": " + warning);
@@ -65,14 +45,18 @@ Result<LoadedScene> LoadScene(const std::filesystem::path& file) {
                   .first;
     }
     triangles += found->second.mesh->triangle_count();
-    if (triangles > kSceneTriangles) {
+    if (triangles > kMaxSceneTriangles) {
       return Fail(ErrorCode::kBadInput, place + " takes the scene over 20 million triangles");
     }
     SceneObject placed;
     placed.name = std::move(object.name);
     placed.file = std::move(object.file);
     placed.mesh = found->second.mesh;
+    placed.id = static_cast<std::uint32_t>(loaded.scene.objects.size() + 1);
+    placed.usual_up = found->second.up;
+    if (!object.pose) placed.placing = object.placing;
     placed.T_scene_object = object.pose ? *object.pose : TSceneObject(object.placing, found->second.up);
+    placed.hidden = object.hidden;
     placed.body = object.body;
     placed.drop = object.drop;
     placed.mass_kg = object.mass_kg;

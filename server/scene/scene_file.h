@@ -5,7 +5,6 @@
 // names file, line and key.
 #pragma once
 
-#include <array>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -13,6 +12,7 @@
 
 #include "proto/base/result.h"
 #include "server/scene/model_file.h"
+#include "server/scene/placing.h"
 #include "server/scene/scene.h"
 
 namespace mixstage {
@@ -22,18 +22,12 @@ struct LoadedScene {
   std::vector<std::string> warnings;  // keys without effect yet, what importers left out
 };
 
-// Reads the file and every model it names. At most 1 MB, 256 objects, 64 lights, 16 reflectors.
-Result<LoadedScene> LoadScene(const std::filesystem::path& file);
+inline constexpr std::size_t kSceneFileBytes = 1u << 20;
+inline constexpr std::size_t kMaxSceneTriangles = 2 * ModelLimits::kTriangles;  // instances counted
 
-// How an object is placed when no pose is given: the file's up axis is turned to z, then Rz Ry Rx, scale,
-// shift.
-struct Placing {
-  std::array<double, 3> position{};      // m, scene frame
-  std::array<double, 3> rotation_deg{};  // about x, y, z
-  double scale = 1.0;                    // > 0
-  std::optional<UpAxis> up;              // nothing: as usual for the kind of file
-};
-[[nodiscard]] Eigen::Affine3d TSceneObject(const Placing& placing, UpAxis usual_up);
+// Reads the file and, by `load`, every model it names. At most 1 MB, 256 objects, 64 lights, 16 reflectors.
+// Objects and lights get the ids 1, 2, ... in the file's order.
+Result<LoadedScene> LoadScene(const std::filesystem::path& file, const ModelLoader& load);
 
 // What scene.yaml says, before any model is read. place: "scene.yaml" for messages.
 struct SceneDescription {
@@ -44,11 +38,13 @@ struct SceneDescription {
     Placing placing;
     Body body = Body::kMutual;
     bool drop = false;
+    bool hidden = false;
     double mass_kg = 1.0;
   };
   SceneFrame frame = SceneFrame::kWorld;
   std::vector<Object> objects;
   std::vector<Light> lights;
+  std::optional<Ambient> ambient;
   std::vector<Reflector> reflectors;
   std::vector<std::string> warnings;
 };

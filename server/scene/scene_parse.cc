@@ -17,6 +17,10 @@ constexpr double kFarthest = 1e5;  // m
 
 Eigen::Vector3d ToVector(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
 
+// A length that only rounding keeps from 1 is left alone: what was written by us comes back bit by bit.
+bool IsOne(double length) { return std::abs(length - 1.0) < 1e-14; }
+Eigen::Vector3d OfLengthOne(const Eigen::Vector3d& v) { return IsOne(v.norm()) ? v : v.normalized(); }
+
 Status All(std::initializer_list<Status> steps) {
   for (const Status& step : steps) {
     if (!step) return step;
@@ -60,7 +64,7 @@ Status ReadObject(YamlFields& f, std::size_t number, SceneDescription& scene) {
   const bool has_drop = f.Has("drop");
   if (auto ok =
           All({f.Text("name", object.name), f.Text("file", object.file), f.Flag("drop", object.drop),
-               f.Choice("body", {"isolated", "mutual", "actor"}, body),
+               f.Flag("hidden", object.hidden), f.Choice("body", {"isolated", "mutual", "actor"}, body),
                f.NumberIn("mass_kg", 1e-6, 1e6, object.mass_kg), ReadPlacing(f, object), f.CheckAllKnown()});
       !ok) {
     return ok;
@@ -86,7 +90,7 @@ Status ReadDirectional(YamlFields& f, SceneFrame frame, Light& light) {
     return ok;
   if (f.Has("direction")) {
     if (!(ToVector(direction).norm() > 1e-6)) return f.Bad("direction", "has length 0");
-    sun.toward_light = -ToVector(direction).normalized();  // the file says where the light travels
+    sun.toward_light = -OfLengthOne(ToVector(direction));  // the file says where the light travels
   } else {
     // N = +y, E = +x, S = -y, W = -x of the world; of a camera scene N = away from the camera (z), E = right
     // (x).
@@ -164,7 +168,7 @@ Status ReadReflector(YamlFields& f, std::size_t number, SceneDescription& scene)
   reflector.plane = Eigen::Vector4d(plane[0], plane[1], plane[2], plane[3]);
   const double length = reflector.plane.head<3>().norm();
   if (!(length > 1e-9)) return f.Bad("plane", "has a normal of length 0");
-  reflector.plane /= length;
+  if (!IsOne(length)) reflector.plane /= length;
   if (f.Has("polygon")) {
     const YAML::Node polygon = f.Raw("polygon");
     if (!polygon.IsSequence() || polygon.size() < 3 || polygon.size() > kMostCorners) {
@@ -181,6 +185,17 @@ Status ReadReflector(YamlFields& f, std::size_t number, SceneDescription& scene)
   scene.warnings.push_back(reflector.name + ": reflectors have no effect yet");
   scene.reflectors.push_back(std::move(reflector));
   return f.CheckAllKnown();
+}
+
+Status ReadAmbient(YamlFields& root, SceneDescription& scene) {
+  if (!root.Has("ambient")) return {};
+  std::array<double, 2> levels{};
+  if (auto ok = root.Numbers("ambient", levels); !ok) return ok;
+  if (!(levels[0] >= 0 && levels[0] <= 100 && levels[1] >= 0 && levels[1] <= 100)) {
+    return root.Bad("ambient", "has a number outside 0..100");
+  }
+  scene.ambient = Ambient{static_cast<float>(levels[0]), static_cast<float>(levels[1])};
+  return {};
 }
 
 template <typename Read>
@@ -209,6 +224,7 @@ Result<SceneDescription> Parse(const std::string& text, const std::string& place
     return tl::unexpected(ok.error());
   if (auto ok = ReadList(*root, "lights", kMostLights, scene, ReadLight); !ok)
     return tl::unexpected(ok.error());
+  if (auto ok = ReadAmbient(*root, scene); !ok) return tl::unexpected(ok.error());
   if (auto ok = ReadList(*root, "reflectors", kMostReflectors, scene, ReadReflector); !ok)
     return tl::unexpected(ok.error());
   if (auto ok = root->CheckAllKnown(); !ok) return tl::unexpected(ok.error());

@@ -44,7 +44,7 @@ class StudioTest : public testing::Test {
     StudioSetup setup;
     setup.rig = SyntheticRig();
     if (with_objects) {
-      auto scene = LoadScene(std::string(MIXSTAGE_SOURCE_DIR) + "/deploy/demo/scene.yaml");
+      auto scene = LoadScene(std::string(MIXSTAGE_SOURCE_DIR) + "/deploy/demo/scene.yaml", LoadModel);
       EXPECT_TRUE(scene) << scene.error().message;
       setup.scene = std::move(scene->scene);
     }

@@ -131,7 +131,8 @@ TEST(SceneFile, NestingAndSizeAreBounded) {
 
 TEST(SceneFile, MissingModelNamesObjectAndFile) {
   test::TemporaryFolder folder;
-  auto scene = LoadScene(folder.Write("scene.yaml", "objects:\n  - {name: statue, file: gone.glb}\n"));
+  auto scene =
+      LoadScene(folder.Write("scene.yaml", "objects:\n  - {name: statue, file: gone.glb}\n"), LoadModel);
   ASSERT_FALSE(scene);
   EXPECT_THAT(scene.error().message, HasSubstr("scene.yaml:2: object statue: file"));
   EXPECT_THAT(scene.error().message, HasSubstr("gone.glb: is missing"));
@@ -140,9 +141,10 @@ TEST(SceneFile, MissingModelNamesObjectAndFile) {
 TEST(SceneFile, ObjectsOfOneFileShareTheirMesh) {
   test::TemporaryFolder folder;
   folder.Write("t.glb", test::Glb(test::TriangleJson(), test::TriangleBinary()));
-  auto scene = LoadScene(folder.Write(
-      "scene.yaml",
-      "objects:\n  - {name: a, file: t.glb}\n  - {name: b, file: t.glb, position: [1, 0, 0]}\n"));
+  auto scene = LoadScene(
+      folder.Write("scene.yaml",
+                   "objects:\n  - {name: a, file: t.glb}\n  - {name: b, file: t.glb, position: [1, 0, 0]}\n"),
+      LoadModel);
   ASSERT_TRUE(scene) << scene.error().message;
   EXPECT_EQ(scene->scene.objects[0].mesh, scene->scene.objects[1].mesh);
 }
