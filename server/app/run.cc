@@ -8,12 +8,15 @@
 #include <cstdio>
 #include <memory>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "proto/base/log.h"
 #include "server/app/learn_take.h"
+#include "server/pipeline/director.h"
 #include "server/pipeline/live_show.h"
+#include "server/scene/model_process.h"
 #include "server/scene/scene_file.h"
 
 namespace mixstage {
@@ -42,6 +45,21 @@ Result<LoadedRig> OpenRig(const fs::path& place) {
   return rig;
 }
 
+// scene.yaml, or an empty scene where it is not there yet but its folder is: edits fill it, `save` writes it.
+Result<Scene> OpenScene(const fs::path& file, const Rig& rig) {
+  std::error_code error;
+  if (!fs::exists(file, error) && fs::is_directory(fs::absolute(file).parent_path(), error)) {
+    spdlog::info("scene {}: not there yet, starts empty", file.string());
+    Scene empty;
+    empty.frame = rig.ptu ? SceneFrame::kWorld : SceneFrame::kCamera;
+    return empty;
+  }
+  auto scene = LoadScene(file, [](const fs::path& model) { return LoadModelApart(model); });
+  if (!scene) return tl::unexpected(scene.error());
+  for (const std::string& warning : scene->warnings) spdlog::warn("scene {}", warning);
+  return std::move(scene->scene);
+}
+
 Result<Studio> OpenStudio(const StudioConfig& config) {
   if (config.rig.empty()) {
     return Fail(ErrorCode::kInvalidConfig, "no rig: give --rig rig.json, or \"rig:\" in the configuration");
@@ -53,10 +71,9 @@ Result<Studio> OpenStudio(const StudioConfig& config) {
   setup.rig = rig->rig;
   setup.learn_frames = config.learn_frames;
   if (!config.scene.empty()) {
-    auto scene = LoadScene(config.scene);
+    auto scene = OpenScene(config.scene, setup.rig);
     if (!scene) return tl::unexpected(scene.error());
-    for (const std::string& warning : scene->warnings) spdlog::warn("scene {}", warning);
-    setup.scene = std::move(scene->scene);
+    setup.scene = std::move(*scene);
   }
   auto studio = Studio::Create(std::move(setup));
   if (!studio) return studio;
@@ -109,6 +126,8 @@ Status RunShow(const StudioConfig& config) {
   gateway_config.page_folder = FindPage(config);
   if (gateway_config.page_folder.empty())
     spdlog::warn("page not found: build it, or set \"page:\"; /watch works");
+  if (studio->scene())
+    gateway_config.edits = std::make_shared<EditQueue>(kMaxWaitingEdits, WhenFull::kDropOldest);
   Gateway gateway(gateway_config, [&] {
     const LiveShow* show = show_for_metrics.load();
     return show != nullptr ? show->MetricsText() : std::string();
@@ -118,8 +137,20 @@ Status RunShow(const StudioConfig& config) {
                                      studio->rig().color.height, config.name, &gateway);
   if (!broadcast) return tl::unexpected(broadcast.error());
   gateway.SetHello({.name = config.name, .server_us = 0, .streams = {}});
+  std::optional<Director> director;
+  if (studio->scene()) {
+    director.emplace(
+        Director::Setup{.scene = *studio->scene(),
+                        .file = config.scene,
+                        .color = studio->rig().color,
+                        .edits = gateway_config.edits,
+                        .load = [](const fs::path& model,
+                                   const std::stop_token& stop) { return LoadModelApart(model, {}, stop); }},
+        gateway);
+  }
   {
-    LiveShow show(std::move(*link), std::move(*studio), std::move(*broadcast), gateway);
+    LiveShow show(std::move(*link), std::move(*studio), std::move(*broadcast), gateway,
+                  director ? &*director : nullptr);
     show_for_metrics = &show;
     const std::string host = config.listen.substr(0, config.listen.rfind(':'));
     std::printf("http://%s:%d/\n", host.c_str(), gateway.port());

@@ -48,6 +48,8 @@ Status Validate(const GatewayConfig& config) {
       within(config.send_buffer_bytes, 1 << 12, 1 << 24, "send_buffer_bytes"),
       within(config.messages_per_s, 0.1, 10'000.0, "messages_per_s"),
       within(config.message_burst, 1.0, 10'000.0, "message_burst"),
+      within(config.edits_per_s, 0.1, 10'000.0, "edits_per_s"),
+      within(config.edit_burst, 1.0, 10'000.0, "edit_burst"),
       within(config.request_timeout_s, 0.05, 600.0, "request_timeout_s"),
       within(config.stall_timeout_s, 0.05, 600.0, "stall_timeout_s"),
   };
@@ -115,6 +117,20 @@ class Gateway::Impl {
     }
     Wake();
   }
+  void PublishScene(std::string scene) {
+    {
+      const std::lock_guard lock(mutex_);
+      inbox_.scene = std::move(scene);
+    }
+    Wake();
+  }
+  void SendTo(std::uint64_t viewer, std::string json) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (inbox_.answers.size() < kMaxWaitingEdits) inbox_.answers.emplace_back(viewer, std::move(json));
+    }
+    Wake();
+  }
   void SetHello(WatchHello hello) {
     {
       const std::lock_guard lock(mutex_);
@@ -132,6 +148,8 @@ class Gateway::Impl {
     std::vector<std::shared_ptr<const WatchPicture>> pictures;
     std::optional<std::string> stats;
     std::optional<WatchHello> hello;
+    std::optional<std::string> scene;
+    std::vector<std::pair<std::uint64_t, std::string>> answers;  // to one viewer each
     bool gap = false;
   };
 
@@ -178,6 +196,8 @@ class Gateway::Impl {
       if (inbox.gap) hub_.AfterGap();
       if (inbox.hello) hub_.SetHello(std::move(*inbox.hello));
       for (const auto& picture : inbox.pictures) hub_.Publish(picture);
+      if (inbox.scene) hub_.PublishScene(std::move(*inbox.scene));
+      for (auto& [viewer, json] : inbox.answers) hub_.SendTo(viewer, std::move(json));
       if (inbox.stats) hub_.PublishStats(std::move(*inbox.stats));
     });
   }
@@ -254,6 +274,8 @@ void Gateway::Stop() { impl_->Stop(); }
 std::uint16_t Gateway::port() const { return impl_->port(); }
 void Gateway::Publish(std::shared_ptr<const WatchPicture> picture) { impl_->Publish(std::move(picture)); }
 void Gateway::PublishStats(std::string stats_json) { impl_->PublishStats(std::move(stats_json)); }
+void Gateway::PublishScene(std::string scene_json) { impl_->PublishScene(std::move(scene_json)); }
+void Gateway::SendTo(std::uint64_t viewer, std::string json) { impl_->SendTo(viewer, std::move(json)); }
 void Gateway::SetHello(WatchHello hello) { impl_->SetHello(std::move(hello)); }
 bool Gateway::TakeKeyFrameRequest() { return impl_->hub().TakeKeyFrameRequest(MonotonicMicros()); }
 bool Gateway::WantsStream(WatchStream stream) const { return impl_->hub().WantsStream(stream); }

@@ -14,11 +14,21 @@
 #include <memory>
 #include <string>
 
+#include "proto/base/bounded_queue.h"
 #include "proto/base/result.h"
 #include "proto/watch/text_message.h"
 #include "server/delivery/watch_picture.h"
 
 namespace mixstage {
+
+// An edit of a director, on its way to whoever owns the scene.
+struct ReceivedEdit {
+  WatchEdit edit;
+  std::uint64_t viewer = 0;  // the connection; none comes twice
+  std::string name{};        // the director's
+};
+inline constexpr std::size_t kMaxWaitingEdits = 256;
+using EditQueue = BoundedQueue<ReceivedEdit>;
 
 struct GatewayConfig {
   std::string listen = "127.0.0.1:8090";  // loopback only; port 0 = any free one
@@ -30,8 +40,11 @@ struct GatewayConfig {
   int send_buffer_bytes = 256 << 10;  // of the socket: modest, so that the queue above sees a stalled viewer
   double messages_per_s = 20;         // per viewer, text and control frames
   double message_burst = 40;
+  double edits_per_s = 100;  // per viewer, counted apart: a drag sends one with every picture
+  double edit_burst = 200;
   double request_timeout_s = 10;
   double stall_timeout_s = 10;
+  std::shared_ptr<EditQueue> edits{};  // of kMaxWaitingEdits places; null: there is no scene to edit
 };
 
 // What has happened since the start (viewers, connections: now).
@@ -67,6 +80,11 @@ class Gateway {
   void Publish(std::shared_ptr<const WatchPicture> picture);
   // A `stats` message (ToJson(WatchStats)); its `state` is what /healthz says.
   void PublishStats(std::string stats_json);
+  // A `scene` message: sent to every viewer who comes, after hello, and now to those who are there. A viewer
+  // who reads slowly gets the newest.
+  void PublishScene(std::string scene_json);
+  // A `refused` message to the one viewer who sent the edit, if he is still there.
+  void SendTo(std::uint64_t viewer, std::string json);
   // Sent to every viewer who comes, and now to those who are there. server_us is filled in at sending.
   void SetHello(WatchHello hello);
   // True when a viewer waits for a key frame, at most twice a second: the next picture of both streams should

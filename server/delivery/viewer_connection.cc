@@ -29,7 +29,9 @@ ViewerConnection::ViewerConnection(beast::tcp_stream stream, ConnectionSlot slot
       hub_(hub),
       // One byte more than allowed, so that "too long" can be seen.
       received_(kMaxViewerMessageBytes + 1),
-      rate_(hub.config().messages_per_s, hub.config().message_burst) {}
+      id_(hub.NextViewerId()),
+      rate_(hub.config().messages_per_s, hub.config().message_burst),
+      edit_rate_(hub.config().edits_per_s, hub.config().edit_burst) {}
 
 void ViewerConnection::Start(const UpgradeRequest& request) {
   beast::get_lowest_layer(websocket_).expires_never();  // the WebSocket has its own timers
@@ -55,6 +57,7 @@ void ViewerConnection::Start(const UpgradeRequest& request) {
     }
     self->hub_.Join(self);
     self->SendText(std::make_shared<const std::string>(self->hub_.HelloText()));
+    if (self->hub_.scene_text()) self->SendScene(self->hub_.scene_text());
     self->Read();
   });
 }
@@ -96,7 +99,7 @@ void ViewerConnection::SendPicture(const std::shared_ptr<const WatchPicture>& pi
   stream.may_ask = true;
   ++queued_pictures_;
   queued_bytes_ += picture->message.size();
-  queue_.push_back({picture, nullptr});
+  queue_.push_back({.picture = picture, .text = nullptr});
   Write();
 }
 
@@ -106,8 +109,20 @@ void ViewerConnection::SendText(std::shared_ptr<const std::string> text) {
     ++hub_.counters.closed_slow;
     return Abort();
   }
-  queue_.push_back({nullptr, std::move(text)});
+  queue_.push_back({.picture = nullptr, .text = std::move(text)});
   Write();
+}
+
+void ViewerConnection::SendScene(const std::shared_ptr<const std::string>& text) {
+  const auto first = queue_.begin() + (writing_ ? 1 : 0);
+  const auto waiting = std::find_if(first, queue_.end(), [](const Outgoing& out) { return out.scene; });
+  if (waiting != queue_.end()) {
+    waiting->text = text;
+    return;
+  }
+  const std::size_t before = queue_.size();
+  SendText(text);
+  if (queue_.size() > before) queue_.back().scene = true;
 }
 
 void ViewerConnection::WaitForKeyFrame() {
@@ -163,10 +178,6 @@ void ViewerConnection::OnRead(AsioError error) {
   if (!websocket_.got_text()) return CloseForMessage("a binary message");
   if (received_.size() > kMaxViewerMessageBytes) return CloseForMessage("a message of more than 4,096 bytes");
   if (websocket_.is_message_done()) {
-    if (!rate_.Take(MonotonicMicros())) {
-      ++hub_.counters.closed_rate;
-      return Close(CloseCode::policy_error, "rate");
-    }
     const auto bytes = received_.cdata();
     OnMessage({static_cast<const char*>(bytes.data()), bytes.size()});
     received_.consume(received_.size());
@@ -177,19 +188,35 @@ void ViewerConnection::OnRead(AsioError error) {
 
 void ViewerConnection::OnMessage(std::string_view text) {
   const Result<ViewerMessage> message = ParseViewerMessage(text);
+  const bool is_edit = message && std::holds_alternative<WatchEdit>(*message);
+  if (!(is_edit ? edit_rate_ : rate_).Take(MonotonicMicros())) {
+    ++hub_.counters.closed_rate;
+    return Close(CloseCode::policy_error, "rate");
+  }
   if (!message) return CloseForMessage(message.error().message);
   if (const auto* ping = std::get_if<WatchPing>(&*message)) {
     SendText(std::make_shared<const std::string>(ToJson(WatchPong{ping->viewer_us, MonotonicMicros()})));
   } else if (const auto* subscribe = std::get_if<WatchSubscribe>(&*message)) {
     Subscribe(*subscribe);
   } else if (const auto* edit = std::get_if<WatchEdit>(&*message)) {
-    SendText(std::make_shared<const std::string>(ToJson(
-        WatchRefused{edit->id, "This show has no scene to edit: start the server with --scene FILE."})));
+    Edit(*edit);
   } else {
     // Who asks for a key frame cannot use what comes before it.
     for (Stream& stream : streams_) stream.waiting = stream.may_ask = true;
     hub_.WishKeyFrame();
   }
+}
+
+void ViewerConnection::Edit(const WatchEdit& edit) {
+  const auto refuse = [&](const char* reason) {
+    SendText(std::make_shared<const std::string>(ToJson(WatchRefused{edit.id, reason})));
+  };
+  const std::shared_ptr<EditQueue>& edits = hub_.config().edits;
+  if (!IsDirector()) return refuse("Only directors may edit the scene.");
+  if (!edits) return refuse("This show has no scene to edit: start the server with --scene FILE.");
+  // Only this thread puts edits in: there is room when it says so.
+  if (edits->size() >= kMaxWaitingEdits) return refuse("Too many edits wait: try again.");
+  edits->Push({edit, id_, Name()});
 }
 
 void ViewerConnection::Subscribe(const WatchSubscribe& subscribe) {

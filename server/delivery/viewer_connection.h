@@ -33,6 +33,8 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
 
   void SendPicture(const std::shared_ptr<const WatchPicture>& picture);
   void SendText(std::shared_ptr<const std::string> text);
+  // A `scene` message; takes the place of one that still waits.
+  void SendScene(const std::shared_ptr<const std::string>& text);
   // Skips predicted pictures from here on: what they were predicted from is missing.
   void WaitForKeyFrame();
   // Cuts off who has taken nothing for too long, or does not answer a goodbye.
@@ -40,6 +42,7 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
   // With the closing handshake. Nothing is sent after it.
   void Close(CloseCode code, const char* reason);
 
+  [[nodiscard]] std::uint64_t id() const { return id_; }
   [[nodiscard]] bool subscribed(WatchStream stream) const { return streams_[StreamIndex(stream)].subscribed; }
   // Waits for a key frame that may be asked for on its behalf (a slow viewer waits for the next one by
   // itself).
@@ -49,6 +52,7 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
   struct Outgoing {  // one of the two
     std::shared_ptr<const WatchPicture> picture;
     std::shared_ptr<const std::string> text;
+    bool scene = false;  // the text is a scene
   };
   struct Stream {
     bool subscribed = true;
@@ -60,6 +64,10 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
   void OnRead(boost::system::error_code error);
   void OnMessage(std::string_view text);
   void Subscribe(const WatchSubscribe& subscribe);
+  void Edit(const WatchEdit& edit);
+  // Whoever reaches a server without login is a director (SPEC 4.4).
+  [[nodiscard]] static bool IsDirector() { return true; }
+  [[nodiscard]] static std::string Name() { return "director"; }
   void Write();
   void OnWritten(boost::system::error_code error);
   void ClearPictures();
@@ -71,7 +79,8 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
   ConnectionSlot slot_;
   ViewerHub& hub_;
   boost::beast::flat_buffer received_;
-  TokenBucket rate_;
+  std::uint64_t id_;
+  TokenBucket rate_, edit_rate_;
   std::array<Stream, kWatchStreams> streams_;
   std::deque<Outgoing> queue_;  // while writing_, the front is on its way
   int queued_pictures_ = 0;

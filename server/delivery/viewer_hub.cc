@@ -55,6 +55,16 @@ void ViewerHub::SetHello(WatchHello hello) {
   for (const auto& viewer : viewers_) viewer->SendText(text);
 }
 
+void ViewerHub::PublishScene(std::string scene_json) {
+  scene_text_ = std::make_shared<const std::string>(std::move(scene_json));
+  for (const auto& viewer : viewers_) viewer->SendScene(scene_text_);
+}
+
+void ViewerHub::SendTo(std::uint64_t id, std::string json) {
+  const auto found = std::ranges::find_if(viewers_, [id](const auto& viewer) { return viewer->id() == id; });
+  if (found != viewers_.end()) (*found)->SendText(std::make_shared<const std::string>(std::move(json)));
+}
+
 std::string ViewerHub::HelloText() const {
   WatchHello hello = hello_;
   hello.server_us = MonotonicMicros();

@@ -34,6 +34,8 @@ class ViewerHub {
   void Publish(const std::shared_ptr<const WatchPicture>& picture);
   void PublishStats(std::string stats_json);
   void SetHello(WatchHello hello);
+  void PublishScene(std::string scene_json);
+  void SendTo(std::uint64_t viewer, std::string json);
   // Pictures were lost before they came here: nobody can decode on before the next key frame.
   void AfterGap();
   // Closes who stalls.
@@ -45,6 +47,10 @@ class ViewerHub {
   void CountSubscribers();
   void WishKeyFrame() { key_frame_wished_.store(true, std::memory_order_relaxed); }
   [[nodiscard]] std::string HelloText() const;
+  // The newest `scene` message; null while there is none.
+  [[nodiscard]] const std::shared_ptr<const std::string>& scene_text() const { return scene_text_; }
+  // A number for a new viewer, > 0.
+  [[nodiscard]] std::uint64_t NextViewerId() { return ++last_viewer_id_; }
   [[nodiscard]] const std::string& state() const { return state_; }
   [[nodiscard]] const GatewayConfig& config() const { return config_; }
 
@@ -59,6 +65,8 @@ class ViewerHub {
   const GatewayConfig& config_;
   std::vector<std::shared_ptr<ViewerConnection>> viewers_;
   WatchHello hello_;
+  std::shared_ptr<const std::string> scene_text_;
+  std::uint64_t last_viewer_id_ = 0;
   std::string state_;
   std::array<std::atomic<int>, kWatchStreams> subscribers_{};
   std::atomic<bool> key_frame_wished_{false};

@@ -10,6 +10,8 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
+#include "proto/base/check.h"
+
 namespace mixstage {
 
 // The stages that the frame thread runs. Static members of a friend: the studio's workers are theirs and
@@ -61,8 +63,9 @@ constexpr double kRestDeg = 0.05;
 
 std::span<const StageInfo> AllStages() { return kInfos; }
 
-Studio::Studio(StudioSetup setup)
-    : rig_(std::move(setup.rig)), scene_(std::move(setup.scene)), poses_(std::move(setup.poses)) {}
+Studio::Studio(StudioSetup setup) : rig_(std::move(setup.rig)), poses_(std::move(setup.poses)) {
+  if (setup.scene) scene_ = std::make_shared<const Scene>(std::move(*setup.scene));
+}
 
 Result<Studio> Studio::Create(StudioSetup setup) {
   const int learn_frames = setup.learn_frames;
@@ -128,6 +131,12 @@ void Studio::UseRoom(std::shared_ptr<const BackgroundModel> room, RoomState stat
   cv::resize(room_->sigma_m, full, blocks, 0, 0, cv::INTER_NEAREST);
   depth.sigma_m = full(cv::Rect({0, 0}, size)).clone();
   room_depth_ = std::move(depth);
+}
+
+void Studio::SetScene(std::shared_ptr<const Scene> scene) {
+  MIX_CHECK(scene != nullptr && scene_ != nullptr && scene->frame == scene_->frame);
+  scene_ = std::move(scene);
+  illumination_ = IlluminationOf(*scene_);
 }
 
 cv::Mat1f Studio::WarpDepth(const CapturedFrame& captured) {

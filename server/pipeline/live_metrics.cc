@@ -29,6 +29,11 @@ std::string LiveShow::MetricsText() const {
   gauge("mixstage_latency_seconds_p99", "Capture to encoded over the last 10 s, 99th percentile",
         stats.latency_p99_ms * 1e-3);
   gauge("mixstage_depth_age_seconds", "Since the last depth picture", stats.depth_age_s);
+  {
+    const std::lock_guard lock(mutex_);
+    gauge("mixstage_scene_revision", "Of the virtual scene that the last frame shows; 0 = none",
+          static_cast<double>(scene_revision_));
+  }
   counter("mixstage_frames_total", "Composites encoded").Add({}).Increment(static_cast<double>(stats.frames));
   auto& drops = counter("mixstage_drops_total", "Pictures and messages dropped, by reason");
   for (const auto& [reason, count] : stats.drops)

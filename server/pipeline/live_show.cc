@@ -32,11 +32,13 @@ std::string Sentence(const char* format, double value) {
 
 }  // namespace
 
-LiveShow::LiveShow(std::unique_ptr<LcmLink> link, Studio studio, Broadcast broadcast, Gateway& gateway)
+LiveShow::LiveShow(std::unique_ptr<LcmLink> link, Studio studio, Broadcast broadcast, Gateway& gateway,
+                   Director* director)
     : link_(std::move(link)),
       studio_(std::move(studio)),
       broadcast_(std::move(broadcast)),
       gateway_(gateway),
+      director_(director),
       ingest_(studio_.rig(), captured_),
       times_(kStageWindow) {
   encode_thread_ = std::jthread([this] { RunEncode(); });
@@ -70,9 +72,14 @@ void LiveShow::RunFrames() {
   while (auto captured = captured_.Pop()) {
     std::shared_ptr<Frame> frame = pool.Take();
     frame->captured = std::move(*captured);
+    if (director_ != nullptr) {
+      if (auto scene = director_->TakeScene()) studio_.SetScene(std::move(scene));
+    }
     studio_.Run(*frame, times_);
+    if (director_ != nullptr) director_->SeeRoom(studio_.room(), frame->T_world_color);
     {
       const std::lock_guard lock(mutex_);
+      if (studio_.scene()) scene_revision_ = studio_.scene()->revision;
       room_state_ = studio_.room_state();
     }
     if (finished_.Push(std::move(frame)) > 0) CountDrop("late");

@@ -13,6 +13,7 @@
 #include "proto/link/lcm_link.h"
 #include "server/ingest/live_ingest.h"
 #include "server/pipeline/broadcast.h"
+#include "server/pipeline/director.h"
 #include "server/pipeline/studio.h"
 
 namespace mixstage {
@@ -21,11 +22,14 @@ namespace mixstage {
 //   ingest   LcmLink, LiveIngest          -> queue of captured frames
 //   frame    Studio (all frame stages)    -> queue of finished frames
 //   encode   Broadcast (H.264, delivery)  -> Gateway, which owns "serve"
+//   director Director (the scene while it is edited), its own thread
 //   stats    twice a second: statistics to the viewers
 class LiveShow {
  public:
   // `gateway` must have been started. The show starts at once.
-  LiveShow(std::unique_ptr<LcmLink> link, Studio studio, Broadcast broadcast, Gateway& gateway);
+  // `director` may be null: nobody edits the scene.
+  LiveShow(std::unique_ptr<LcmLink> link, Studio studio, Broadcast broadcast, Gateway& gateway,
+           Director* director);
   ~LiveShow();  // stops: closes every queue, then joins
   LiveShow(const LiveShow&) = delete;
   LiveShow& operator=(const LiveShow&) = delete;
@@ -47,6 +51,7 @@ class LiveShow {
   Studio studio_;
   Broadcast broadcast_;
   Gateway& gateway_;
+  Director* director_;
 
   // Two places: one hiccup of the machine costs latency, not a picture; a server that is too slow drops all
   // the same.
@@ -65,6 +70,7 @@ class LiveShow {
   std::int64_t frames_ = 0, bytes_ = 0;
   std::map<std::string, std::int64_t> drops_;
   RoomState room_state_ = RoomState::kLearning;
+  std::uint64_t scene_revision_ = 0;  // of the scene that the last frame showed; 0 = none
   std::string failure_;
 
   std::jthread ingest_thread_, frame_thread_, encode_thread_, stats_thread_;

@@ -39,6 +39,12 @@ class Studio {
 
   // Fixes the empty set for good; without it the studio learns it from the frames it sees.
   void SetRoom(std::shared_ptr<const BackgroundModel> room, RoomState state);
+  // The scene from the next frame on; of the frame (world, camera) of the one before, and only where there
+  // was one (checked).
+  void SetScene(std::shared_ptr<const Scene> scene);
+  // What is known about the empty set now; null = nothing.
+  [[nodiscard]] const std::shared_ptr<const BackgroundModel>& room() const { return room_; }
+  [[nodiscard]] const std::shared_ptr<const Scene>& scene() const { return scene_; }
   // D of a captured frame: for learning from a clean plate. Empty when the frame has no usable depth.
   cv::Mat1f WarpDepth(const CapturedFrame& captured);
 
@@ -53,7 +59,7 @@ class Studio {
   void UseRoom(std::shared_ptr<const BackgroundModel> room, RoomState state);
 
   Rig rig_;
-  std::optional<Scene> scene_;
+  std::shared_ptr<const Scene> scene_;  // null = no CG
   std::vector<PoseSample> poses_;
 
   // pose
