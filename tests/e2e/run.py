@@ -1,9 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """End to end: agent, LCM, server, encoder, gateway, decoding viewer.   run.py BUILD_DIR [NAME_PART]"""
+import json
 import os
 import pathlib
 import random
+import shutil
 import signal
 import socket
 import subprocess
@@ -30,6 +32,54 @@ def text_frame(payload):
     mask = bytes([1, 2, 3, 4])
     head = bytes([0x81, 0x80 | len(payload)]) if len(payload) < 126 else bytes([0x81, 0x80 | 126]) + len(payload).to_bytes(2, "big")
     return head + mask + bytes(b ^ mask[i % 4] for i, b in enumerate(payload))
+
+
+class Viewer:
+    """A WebSocket spoken by hand: JSON both ways, pictures skipped."""
+
+    def __init__(self, port):
+        self.socket = handshake(port)
+        self.bytes = b""
+        while b"\r\n\r\n" not in self.bytes:
+            self.bytes += self.socket.recv(4096)
+        assert b" 101 " in self.bytes.split(b"\r\n")[0], self.bytes[:80]
+        self.bytes = self.bytes.split(b"\r\n\r\n", 1)[1]
+        self.scene = self.wait("scene")
+        self.edits = 0
+
+    def take(self, count):
+        while len(self.bytes) < count:
+            more = self.socket.recv(1 << 16)
+            assert more, "the server closed the connection"
+            self.bytes += more
+        taken, self.bytes = self.bytes[:count], self.bytes[count:]
+        return taken
+
+    def message(self):
+        """The next text message."""
+        while True:
+            first, length = self.take(2)
+            if length >= 126:
+                length = int.from_bytes(self.take(2 if length == 126 else 8), "big")
+            body = self.take(length)
+            assert first & 15 != 8, f"closed: {body[2:]}"
+            if first & 15 == 1:
+                return json.loads(body)
+
+    def wait(self, kind, condition=lambda message: True, seconds=15):
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            message = self.message()
+            if message["type"] == "scene":
+                self.scene = message
+            if message["type"] == kind and condition(message):
+                return message
+        raise AssertionError(f"no such {kind} within {seconds} s; the scene is {self.scene}")
+
+    def edit(self, op, **fields):
+        self.edits += 1
+        self.socket.sendall(text_frame(json.dumps({"type": "edit", "id": self.edits, "op": op, **fields}).encode()))
+        return self.edits
 
 
 def live_show_reaches_the_viewer():
@@ -79,7 +129,6 @@ def a_killed_server_comes_back_and_the_viewer_reconnects():
         studio.server()
         out = viewer.communicate(timeout=40)[0]
         assert viewer.returncode == 0, viewer.returncode
-        import json
         seen = json.loads(out.strip().splitlines()[-1])
         assert seen["reconnects"] >= 1 and seen["frames"] > 60, seen
 
@@ -137,6 +186,62 @@ def hostile_datagrams_do_not_disturb_the_show():
         seen = studio.view(4)
         assert seen["frames"] > 40, seen
         assert server.poll() is None
+
+
+def two_directors_edit_one_scene():
+    with tempfile.TemporaryDirectory() as folder, Studio(BUILD) as studio:
+        folder = pathlib.Path(folder)
+        for name in ("scene.yaml", "sculpture.glb", "amphora.glb"):
+            shutil.copy(DEMO / name, folder)
+        server = studio.server(scene=folder / "scene.yaml")
+        studio.agent()
+        studio.wait_until_live()
+        anna, ben = Viewer(studio.port), Viewer(studio.port)
+        first = anna.scene
+        assert [o["name"] for o in first["objects"]] == ["sculpture", "amphora"] and not first["unsaved"], first
+        assert first["models"] == ["amphora.glb", "sculpture.glb"] and len(first["lights"]) == 2, first
+
+        anna.edit("add", file="amphora.glb", u=600, v=640)
+        scene = ben.wait("scene", lambda m: len(m["objects"]) == 3)
+        added = scene["objects"][2]
+        assert added["id"] == 3 and added["name"] == "amphora 2" and abs(added["base"][2]) < 0.04, added
+        for i in range(20):
+            ben.edit("move", object=3, u=600 - 5 * i, v=640, on="floor", live=i < 19)
+        moved = anna.wait("scene", lambda m: len(m["objects"]) == 3 and m["objects"][2]["base"][1] > added["base"][1] + 0.1)
+        ben.edit("light", light=1, intensity=3)
+        scene = anna.wait("scene", lambda m: m["lights"][0]["intensity"] == 3)
+        Studio.wait_for(lambda: studio.metrics()["mixstage_scene_revision"] == scene["revision"], 5, "no frame shows the edit")
+
+        wrong = ben.edit("delete", object=99)
+        assert "99" in ben.wait("refused", lambda m: m["id"] == wrong)["reason"]
+        (folder / "bad.glb").write_bytes(b"glTF" + os.urandom(2000))
+        wrong = ben.edit("add", file="bad.glb", u=600, v=640)
+        reason = ben.wait("refused", lambda m: m["id"] == wrong)["reason"]
+        assert reason.startswith("bad.glb"), reason
+        anna.wait("scene", lambda m: "bad.glb" in m["models"])
+
+        anna.edit("save")
+        anna.wait("scene", lambda m: not m["unsaved"])
+        before = (folder / "scene.yaml").read_text()
+        assert (folder / "scene.yaml.bak").read_text() == (DEMO / "scene.yaml").read_text()
+        check = subprocess.run([str(BUILD / "mixstage-server"), "check", "--scene", str(folder / "scene.yaml")], capture_output=True, text=True)
+        assert check.returncode == 0 and "3 objects" in check.stdout, check
+        for _ in range(3):  # light, drag, add: three steps, whoever made them
+            anna.edit("undo")
+        back = ben.wait("scene", lambda m: not m["can_undo"])
+        assert [o["pose"] for o in back["objects"]] == [o["pose"] for o in first["objects"]], back
+        assert back["unsaved"] and back["can_redo"]
+        assert (folder / "scene.yaml").read_text() == before
+        assert studio.view(3)["lost"] == 0 and server.poll() is None
+        assert moved["revision"] < scene["revision"] < back["revision"]
+
+
+def without_a_scene_an_edit_is_refused():
+    with Studio(BUILD) as studio:
+        studio.server(scene=None)
+        s = handshake(studio.port)
+        s.sendall(text_frame(b'{"type": "edit", "id": 4, "op": "undo"}'))
+        Studio.wait_for(lambda: b"--scene" in s.recv(4096), 5, "no refusal")
 
 
 def sigterm_ends_cleanly():
@@ -211,7 +316,7 @@ def help_and_version_answer_everywhere():
 TESTS = [help_and_version_answer_everywhere, wrong_use_is_one_line_and_exit_2, live_show_reaches_the_viewer,
          the_order_of_starting_does_not_matter, a_killed_agent_comes_back, a_killed_server_comes_back_and_the_viewer_reconnects,
          stalled_and_rude_viewers_disturb_nobody, a_foreign_page_is_refused, hostile_datagrams_do_not_disturb_the_show,
-         sigterm_ends_cleanly, no_server_never_blocks_the_agent, metrics_and_health_tell_the_truth]
+         two_directors_edit_one_scene, without_a_scene_an_edit_is_refused, sigterm_ends_cleanly, no_server_never_blocks_the_agent, metrics_and_health_tell_the_truth]
 
 if len(sys.argv) > 2:
     TESTS = [t for t in TESTS if sys.argv[2] in t.__name__]
