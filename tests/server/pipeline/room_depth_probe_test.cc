@@ -168,7 +168,7 @@ std::shared_ptr<const BackgroundModel> TableRoom(const PinholeCamera& camera,
 TEST(RoomDepthProbe, ADropOverATableRestsOnItAndBesideItOnTheFloor) {
   const Rig rig = SyntheticRig();
   const RigidTransform T_world_color = SyntheticTWorldColor(rig);
-  const Eigen::Vector3d ahead = T_world_color * Eigen::Vector3d(0, 0, 2.8);
+  const Eigen::Vector3d ahead = T_world_color * Eigen::Vector3d(0, 0, 3.8);
   const Eigen::Vector3d middle(ahead.x(), ahead.y(), 0);
   const Eigen::AlignedBox3d table(middle - Eigen::Vector3d(0.35, 0.5, 0),
                                   middle + Eigen::Vector3d(0.35, 0.5, 0.74));
