@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cstdint>
+#include <mixstage_lcm/agent_command_t.hpp>
 #include <mixstage_lcm/agent_health_t.hpp>
 #include <mixstage_lcm/frame_slice_t.hpp>
 #include <mixstage_lcm/head_angles_t.hpp>
@@ -33,7 +34,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     bytes.insert(bytes.end(), data + 1, data + size);
     return bytes;
   };
-  switch (data[0] % 4) {
+  switch (data[0] % 5) {
     case 0:
       DecodeAs<mixstage_lcm::frame_slice_t>(with_fingerprint(mixstage_lcm::frame_slice_t::getHash()));
       break;
@@ -42,6 +43,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       break;
     case 2:
       DecodeAs<mixstage_lcm::agent_health_t>(with_fingerprint(mixstage_lcm::agent_health_t::getHash()));
+      break;
+    case 3:
+      DecodeAs<mixstage_lcm::agent_command_t>(with_fingerprint(mixstage_lcm::agent_command_t::getHash()));
       break;
     default:
       DecodeAs<mixstage_lcm::frame_slice_t>({data + 1, data + size});

@@ -4,15 +4,16 @@
 #include <algorithm>
 #include <cstdint>
 #include <cstring>
-#include <mixstage_lcm/frame_slice_t.hpp>
 #include <span>
+
+#include "proto/link/frame_slice.h"
 
 namespace mixstage {
 
 // Fuzzer bytes as a stream of slices, so that one input exercises the state behind many. A record is a time
 // step (1 byte, tenths of a second), the slice's fields from epoch to encoding as they lie on the wire (46
-// bytes), a count (1 byte) and so many bytes of payload, filled up with zeros. Calls take(slice, now_us) for
-// each record.
+// bytes), a count (1 byte) and so many bytes of payload, filled up with zeros; its checksum is made to fit.
+// Calls take(slice, now_us) for each record.
 template <typename Take>
 void ForEachSlice(std::span<const std::uint8_t> bytes, Take take) {
   constexpr std::size_t kFieldBytes = 46;
@@ -36,6 +37,7 @@ void ForEachSlice(std::span<const std::uint8_t> bytes, Take take) {
     const auto payload = bytes.first(std::min<std::size_t>(count, bytes.size()));
     std::memset(slice.payload, 0, sizeof slice.payload);
     std::copy(payload.begin(), payload.end(), slice.payload);
+    slice.slice_crc32c = static_cast<std::int32_t>(SliceCrc32c(slice));
     bytes = bytes.subspan(payload.size());
     take(slice, now_us);
   }
