@@ -18,7 +18,8 @@ target_link_libraries(mixstage_client INTERFACE opencv_core opencv_imgproc spdlo
 set(public_headers
   proto/base/check.h proto/base/image_view.h proto/base/result.h
   proto/codec/yuv_image.h
-  proto/watch/depth_code.h proto/watch/picture_message.h proto/watch/text_message.h
+  proto/watch/depth_code.h proto/watch/mesh_message.h proto/watch/picture_message.h proto/watch/scene_message.h
+  proto/watch/text_message.h
   viewer_client/native/stream_decoder.h viewer_client/native/video_decoder.h viewer_client/native/view_measure.h
   viewer_client/native/watch_client.h)
 foreach(header IN LISTS public_headers)

@@ -116,6 +116,7 @@ struct WatchTicket {
 };
 struct WatchSubscribe {
   bool color = false, depth = false, mesh = false;
+  bool operator==(const WatchSubscribe&) const = default;
 };
 struct WatchKeyFrameWish {};
 

@@ -55,8 +55,8 @@ struct GatewayConfig {
   double edit_burst = 200;
   double request_timeout_s = 10;
   double stall_timeout_s = 10;
-  double login_timeout_s = 5;  // for a viewer's ticket
-  double idle_timeout_s = 60;  // a viewer that sends nothing for so long is closed
+  double login_timeout_s = 5;          // for a viewer's ticket
+  double idle_timeout_s = 60;          // a viewer that sends nothing for so long is closed
   std::shared_ptr<EditQueue> edits{};  // of kMaxWaitingEdits places; null: there is no scene to edit
 };
 

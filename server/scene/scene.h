@@ -30,10 +30,10 @@ enum class Body {
 };
 
 struct SceneObject {
-  std::uint32_t id = 0;  // from 1, unique in its scene and never used again while the server runs
-  std::string name;                                              // unique in its scene
-  std::string file;                                              // as the scene file names it
-  std::shared_ptr<const Mesh> mesh;                              // immutable; objects of one file share it
+  std::uint32_t id = 0;              // from 1, unique in its scene and never used again while the server runs
+  std::string name;                  // unique in its scene
+  std::string file;                  // as the scene file names it
+  std::shared_ptr<const Mesh> mesh;  // immutable; objects of one file share it
   Eigen::Affine3d T_scene_object = Eigen::Affine3d::Identity();  // file coordinates to the scene's frame
   // How T_scene_object was written, where it was written so: T_scene_object is exactly that.
   std::optional<Placing> placing;

@@ -448,8 +448,11 @@ def what_the_viewer_keeps_is_a_take():
         run = subprocess.run([str(BUILD / "mixstage-server"), "--log-level", "error", "process", "--take", str(dump), "--out", str(out),
                               "--export", "report", "--frames", "0:5", "--json"], capture_output=True, text=True, timeout=300)
         assert run.returncode == 0 and json.loads(run.stdout)["frames"] == 5, run.stderr
+        meshes = sorted(file.name for file in (dump / "mesh").glob("*.drc"))
+        assert {"object_1.drc", "object_2.drc", "room.drc"} <= set(meshes), meshes
+        assert all((dump / "mesh" / name).read_bytes()[:5] == b"DRACO" for name in meshes), meshes
         studio.view(1, "--dump", dump, expect=2)
-        return f"{len(color)} colour, {len(depth)} depth"
+        return f"{len(color)} colour, {len(depth)} depth, {len(meshes)} meshes"
 
 
 def the_window_shows_the_picture_and_takes_keys():

@@ -14,6 +14,7 @@
 #include "proto/base/clock.h"
 #include "proto/base/log.h"
 #include "proto/base/version.h"
+#include "viewer_client/native/mesh_dump.h"
 #include "viewer_client/native/picture_dump.h"
 #include "viewer_client/native/picture_window.h"
 #include "viewer_client/native/view_measure.h"
@@ -66,6 +67,7 @@ struct Watched {
 // Where the pictures go, besides being counted; null = nowhere.
 struct Outputs {
   std::unique_ptr<PictureDump> dump;
+  std::unique_ptr<MeshDump> meshes;
   std::unique_ptr<PictureWindow> window;
 };
 
@@ -89,6 +91,9 @@ WatchCallbacks Callbacks(Watched& watched, const Outputs& out) {
     picture(p.header, a);
     if (out.dump) out.dump->Depth(p);
     if (out.window) out.window->SetDepth(p);
+  };
+  callbacks.on_mesh = [&out](const WatchMesh& mesh) {
+    if (out.meshes) out.meshes->Mesh(mesh);
   };
   callbacks.on_stats = [&watched](const WatchStats& stats) {
     const std::lock_guard lock(watched.mutex);
@@ -177,13 +182,17 @@ int Run(const Options& options) {
       WatchClient::Create({.url = options.url,
                            .token = *token,
                            .ca_file = options.ca_file,
-                           .tls_check = options.insecure ? TlsCheck::kNone : TlsCheck::kCertificate},
+                           .tls_check = options.insecure ? TlsCheck::kNone : TlsCheck::kCertificate,
+                           .streams = {.color = true, .depth = true, .mesh = !options.dump.empty()}},
                           Callbacks(watched, out));
   if (!client) return report_error(client.error());
   if (!options.dump.empty()) {
     auto dump = PictureDump::Create(options.dump);
     if (!dump) return report_error(dump.error());
     out.dump = std::move(*dump);
+    auto meshes = MeshDump::Create(options.dump);
+    if (!meshes) return report_error(meshes.error());
+    out.meshes = std::move(*meshes);
   }
   WatchEnd end = WatchEnd::kStopped;
   {
@@ -196,8 +205,9 @@ int Run(const Options& options) {
   }
   if (out.dump) {
     const RecordingStatus dumped = out.dump->Finish();
-    std::cerr << "dumped " << dumped.pictures << " pictures to " << options.dump << ", left out "
-              << dumped.dropped << "\n";
+    const MeshDump::Counts meshes = out.meshes->Finish();
+    std::cerr << "dumped " << dumped.pictures << " pictures and " << meshes.written << " meshes to "
+              << options.dump << ", left out " << dumped.dropped + meshes.left_out << "\n";
   }
   const ViewReport report = watched.measure.Total();
   std::cout << ToJsonLine(report) << std::endl;
@@ -225,7 +235,8 @@ int main(int argc, char** argv) {
   app.add_flag("--json", options.json, "JSON instead of sentences every second");
   app.add_flag("--window", options.window, "show the pictures; keys: d depth beside them, q or Esc close");
   app.add_option("--dump", options.dump,
-                 "keep the pictures in this new folder: rgb/*.png, depth/*.png (16 bit, mm), lists of times");
+                 "keep the pictures in this new folder: rgb/*.png, depth/*.png (16 bit, mm), "
+                 "mesh/*.drc with textures, lists of times");
   app.add_option("--token", options.token_file, "file that holds the login's token; - = standard input");
   app.add_option("--ca", options.ca_file, "https: certificates to trust (PEM) instead of the system's");
   app.add_flag("--insecure", options.insecure,

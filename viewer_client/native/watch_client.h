@@ -20,6 +20,7 @@
 #include <string>
 
 #include "proto/base/result.h"
+#include "proto/watch/mesh_message.h"
 #include "proto/watch/text_message.h"
 #include "viewer_client/native/stream_decoder.h"
 
@@ -35,8 +36,8 @@ struct WatchClientConfig {
   std::string token{};    // of the login (SPEC.md 4.4): 43 characters of base64url; empty = none
   std::string ca_file{};  // PEM of the authorities to trust; empty = the system's
   TlsCheck tls_check = TlsCheck::kCertificate;
-  WatchSubscribe streams{.color = true, .depth = true};
-  double connect_timeout_s = 5;      // 0.1 .. 60
+  WatchSubscribe streams{.color = true, .depth = true};  // meshes only where they are asked for
+  double connect_timeout_s = 5;                          // 0.1 .. 60
   double silence_timeout_s = 10;     // nothing from the server for so long: connect again. 1 .. 600
   double shortest_backoff_s = 0.25;  // before the first new attempt; doubles up to longest_backoff_s
   double longest_backoff_s = 4;
@@ -53,6 +54,7 @@ struct PictureArrival {
 struct WatchCallbacks {
   std::function<void(const ColorPicture&, const PictureArrival&)> on_color{};
   std::function<void(const WatchedDepth&, const PictureArrival&)> on_depth{};
+  std::function<void(const WatchMesh&)> on_mesh{};  // checked, not decoded; a view, until it returns
   std::function<void(const WatchHello&)> on_hello{};
   std::function<void(const WatchStats&)> on_stats{};
   // A message that was refused (WatchRefusal) or could not be decoded; a key frame is asked for.

@@ -68,7 +68,7 @@ class WatchSession {
     websocket_.async_handshake(plan_.url.host_header, "/watch", [this](AsioError error) {
       if (error) return End("the server refused to be watched (" + error.message() + ")");
       if (!ticket_.empty()) Send(ToJson(WatchTicket{ticket_}));
-      if (!config_.streams.color || !config_.streams.depth) Send(ToJson(config_.streams));
+      if (config_.streams != WatchSubscribe{.color = true, .depth = true}) Send(ToJson(config_.streams));
       Ping();
       Read();
     });
@@ -107,7 +107,7 @@ class WatchSession {
       if (websocket_.got_text()) {
         OnText({static_cast<const char*>(bytes.data()), bytes.size()});
       } else {
-        OnPicture({static_cast<const std::uint8_t*>(bytes.data()), bytes.size()});
+        OnBinary({static_cast<const std::uint8_t*>(bytes.data()), bytes.size()});
       }
       buffer_.consume(buffer_.size());
       Read();
@@ -130,8 +130,19 @@ class WatchSession {
                       pong->server_us);
     } else if (const auto* stats = std::get_if<WatchStats>(&*message)) {
       if (callbacks_.on_stats) callbacks_.on_stats(*stats);
-    } else if (callbacks_.on_hello) {
-      callbacks_.on_hello(std::get<WatchHello>(*message));
+    } else if (const auto* hello = std::get_if<WatchHello>(&*message)) {
+      if (callbacks_.on_hello) callbacks_.on_hello(*hello);
+    }
+  }
+
+  void OnBinary(std::span<const std::uint8_t> message) {
+    const auto mesh = ReadWatchMesh(message);
+    if (mesh) {
+      if (callbacks_.on_mesh) callbacks_.on_mesh(*mesh);
+    } else if (mesh.error() == WatchRefusal::kStream) {  // of pictures
+      OnPicture(message);
+    } else {
+      spdlog::warn("view mesh=refused reason={}", RefusalName(mesh.error()));
     }
   }
 
