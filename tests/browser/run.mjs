@@ -8,6 +8,7 @@
 // (z_m null: nothing known there). --server and --agent replace the command lines; {listen}, {lcm}, {build},
 // {demo} (deploy/demo) and {scene} (a copy of it: directors save into it) are filled in.
 // Prints `ok name` or `FAIL name: why` a line; ends with 1 when a check failed, with 2 when it could not begin.
+import { execFileSync } from 'node:child_process';
 import { cpSync, mkdirSync, mkdtempSync, readFileSync, rmSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join, resolve } from 'node:path';
@@ -15,6 +16,7 @@ import { fileURLToPath } from 'node:url';
 import { parseArgs } from 'node:util';
 import { kAgentChecks, kLastChecks, kLiveChecks, kServerChecks } from './checks.mjs';
 import { Director, launch } from './director.mjs';
+import { kLoginChecks, kNoWebGlChecks } from './login_checks.mjs';
 import { Program, freePort, waitForPage } from './programs.mjs';
 import { kSceneChecks } from './scene_checks.mjs';
 
@@ -62,7 +64,7 @@ async function startPrograms(shots) {
   server.start();
   const url = `http://${listen}/`;
   await waitForPage(url, server);
-  return { url, server, agent };
+  return { url, server, agent, values };
 }
 
 let failures = 0;
@@ -114,11 +116,41 @@ async function openElsewise(browser, url, shots) {
   await insecure.close();
 }
 
+/** A second server hears the same agent, and asks who comes. */
+async function openWithLogin(browser, values, shots) {
+  const listen = `127.0.0.1:${await freePort()}`;
+  const file = join(values.scene, 'tokens.json');
+  const token = (name, role) =>
+    execFileSync(`${values.build}/mixstage-server`, ['token', 'make', '--file', file, '--name', name, '--role', role])
+      .toString()
+      .match(/[\w-]{43}/)[0];
+  const tokens = { viewer: token('ben', 'viewer'), director: token('anna', 'director') };
+  const server = new Program(
+    'server',
+    [...command(kServer, { ...values, listen }), '--tokens', file],
+    join(shots, 'login_server.log'),
+  );
+  server.start();
+  await waitForPage(`http://${listen}/`, server);
+  const director = await Director.open(browser, `http://${listen}/`, shots);
+  await run(kLoginChecks, { director, tokens });
+  await director.close();
+  await server.end('SIGTERM');
+}
+
+/** Where 3D cannot be drawn. */
+async function openWithoutWebGl(url, shots) {
+  const browser = await launch(['--disable-webgl', '--disable-webgl2', '--disable-software-rasterizer']);
+  const director = await Director.open(browser, url, shots);
+  await run(kNoWebGlChecks, { director });
+  await browser.close();
+}
+
 async function main() {
   const shots = resolve(options.shots);
   mkdirSync(shots, { recursive: true });
   const truth = options.truth === undefined ? null : JSON.parse(readFileSync(options.truth, 'utf8'));
-  const { url, server, agent } = await startPrograms(shots);
+  const { url, server, agent, values } = await startPrograms(shots);
   const browser = await launch();
   await openElsewise(browser, url, shots);
   const director = await Director.open(browser, url, shots);
@@ -143,7 +175,10 @@ async function main() {
   if (agent !== null) await run(kAgentChecks, context);
   if (server !== null) await run(kServerChecks, context);
   await run(kLastChecks, context);
+  await director.close();
+  if (options.build !== undefined && agent !== null) await openWithLogin(browser, values, shots);
   await browser.close();
+  await openWithoutWebGl(url, shots);
   if (agent !== null) await agent.end('SIGTERM');
   if (server !== null) await server.end('SIGTERM');
   console.log(
