@@ -41,8 +41,7 @@ Result<std::vector<std::uint8_t>> EncodeDraco(const MeshView& mesh, const DracoP
   out.SetNumFaces(triangles);
   for (std::size_t i = 0; i < triangles; ++i) {
     draco::Mesh::Face face;
-    for (std::size_t k = 0; k < 3; ++k)
-      face[static_cast<int>(k)] = draco::PointIndex(mesh.indices[3 * i + k]);
+    for (std::size_t k = 0; k < 3; ++k) face[k] = draco::PointIndex(mesh.indices[3 * i + k]);
     out.SetFace(draco::FaceIndex(static_cast<std::uint32_t>(i)), face);
   }
 
