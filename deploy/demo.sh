@@ -44,7 +44,9 @@ if [ -n "$take" ]; then
 else
   server+=(--rig "$root/deploy/demo/rig.json")
   agent+=(--source synthetic)
-  scene=${scene:-$root/deploy/demo/scene.yaml}
+  # A copy: what a director saves must not change the demonstration.
+  rm -rf "$root/build/demo" && cp -r "$root/deploy/demo" "$root/build/demo"
+  scene=${scene:-$root/build/demo/scene.yaml}
 fi
 [ -n "$scene" ] && server+=(--scene "$scene")
 
