@@ -47,7 +47,7 @@ async function startPrograms(shots) {
     throw new Error('give --build DIR or --url URL');
   const listen = `127.0.0.1:${await freePort()}`;
   // A group port of its own keeps this show apart from another on the same machine; ttl 0 keeps it on the machine.
-  const lcm = `udpm://239.255.77.${1 + (process.pid % 250)}:${20000 + (process.pid % 20000)}?ttl=0`;
+  const lcm = `udpm://239.255.77.${1 + (process.pid % 250)}:${20000 + (process.pid % 20000)}?ttl=0&recv_buf_size=4194304`;
   const demo = fileURLToPath(new URL('../../deploy/demo', import.meta.url));
   const scene = mkdtempSync(join(tmpdir(), 'mixstage_scene_'));
   process.on('exit', () => rmSync(scene, { recursive: true, force: true }));
