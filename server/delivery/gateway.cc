@@ -173,7 +173,6 @@ class Gateway::Impl {
 
   [[nodiscard]] std::uint16_t port() const { return port_; }
   [[nodiscard]] std::string url() const { return url_; }
-  [[nodiscard]] AuditLog& audit() { return access_.audit(); }
   [[nodiscard]] ViewerHub& hub() { return hub_; }
 
  private:
@@ -332,10 +331,6 @@ Status Gateway::Start() { return impl_->Start(); }
 void Gateway::Stop() { impl_->Stop(); }
 std::uint16_t Gateway::port() const { return impl_->port(); }
 std::string Gateway::url() const { return impl_->url(); }
-void Gateway::Audit(std::string_view name, WatchRole role, std::string_view address, std::string_view action,
-                    std::string_view edit_json) {
-  impl_->audit().Audit(name, role, address, action, edit_json);
-}
 void Gateway::Publish(std::shared_ptr<const WatchPicture> picture) { impl_->Publish(std::move(picture)); }
 void Gateway::PublishMesh(std::shared_ptr<const MeshMessage> mesh) { impl_->PublishMesh(std::move(mesh)); }
 void Gateway::RemoveMesh(WatchStream stream, std::uint32_t id) { impl_->RemoveMesh(stream, id); }

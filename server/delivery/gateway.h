@@ -14,7 +14,6 @@
 #include <functional>
 #include <memory>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "proto/base/bounded_queue.h"
@@ -119,9 +118,6 @@ class Gateway {
   // be left out.
   [[nodiscard]] bool WantsStream(WatchStream stream) const;
   [[nodiscard]] GatewayCounters counters() const;
-  // A line of the audit log (SPEC.md 4.4); edit_json: the edit as it was sent, or empty.
-  void Audit(std::string_view name, WatchRole role, std::string_view address, std::string_view action,
-             std::string_view edit_json);
 
  private:
   class Impl;

@@ -196,19 +196,26 @@ TEST_F(GatewayLogin, MetricsAreForThisMachineOrABearer) {
 }
 
 TEST_F(GatewayLogin, TheAuditLogNamesWhoCameAndNeverASecret) {
-  Gateway gateway(Plain());
+  GatewayConfig config = Plain();
+  config.edits = std::make_shared<EditQueue>(kMaxWaitingEdits, WhenFull::kDropOldest);
+  Gateway gateway(config);
   ASSERT_TRUE(gateway.Start());
   const std::string ticket = Ticket(gateway.port(), anna_);
   TestViewer viewer(gateway.port(), {.ticket = ticket});
   ASSERT_TRUE(viewer.Read());
   RawRequest(gateway.port(), LoginRequest(std::string(42, 'A') + "B"));
-  gateway.Audit("anna", WatchRole::kDirector, "127.0.0.1", "edit", R"({"type":"edit","op":"undo"})");
+  const std::string edit = ToJson(WatchEdit{.id = 5, .op = UndoEdit{}});
+  ASSERT_TRUE(viewer.SendText(edit));
+  ASSERT_TRUE(config.edits->PopFor(std::chrono::seconds(5)));
   const std::string lines = Audited();
   EXPECT_NE(lines.find(R"("name":"anna","role":"director","address":"127.0.0.1","action":"login")"),
             std::string::npos)
       << lines;
   EXPECT_NE(lines.find(R"("action":"login_refused")"), std::string::npos);
-  EXPECT_NE(lines.find(R"("edit":{"type":"edit","op":"undo"})"), std::string::npos);
+  EXPECT_NE(
+      lines.find(R"("name":"anna","role":"director","address":"127.0.0.1","action":"edit","edit":)" + edit),
+      std::string::npos)
+      << lines;
   for (const std::string& secret : {anna_, ticket, std::string(42, 'A')})
     EXPECT_EQ(lines.find(secret), std::string::npos);
 }
