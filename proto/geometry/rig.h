@@ -73,6 +73,9 @@ struct LoadedRig {
 Result<LoadedRig> ParseRig(const std::string& json_text);
 Result<LoadedRig> LoadRig(const std::filesystem::path& file);
 
+// The file of a rig: ParseRig reads the same numbers back, bit for bit but for angles (degrees there).
+std::string FormatRig(const Rig& rig);
+
 // What is assumed where a take has no rig.json: registered depth, fx = fy = 0.9 x width, centre of the
 // picture.
 Rig AssumedRig(int color_width, int color_height, double depth_unit_m);

@@ -88,6 +88,47 @@ TEST(PanTilt, PositivePanTurnsLeftAndTiltTurnsUp) {
   EXPECT_GT(up.z(), 0.3);
 }
 
+TEST(Rig, IsReadBackAsItWasWritten) {
+  Rig rig;
+  rig.color = {.width = 64,
+               .height = 48,
+               .fx = 60.125,
+               .fy = 61,
+               .cx = 31.3,
+               .cy = 23.7,
+               .k1 = -0.1,
+               .p2 = 1e-4,
+               .k6 = 0.3};
+  rig.vignetting_a = -0.16;
+  rig.depth.emplace();
+  rig.depth->camera = {.width = 32, .height = 24, .fx = 30, .fy = 30, .cx = 15, .cy = 11, .k2 = 0.1};
+  rig.depth->unit_m = 0.00025;
+  rig.depth->unambiguous_range_m = 7.4948;
+  rig.depth->range_error = {{1, 2, 3}, {0.01, -0.02, 1.0 / 3}};
+  rig.T_color_depth.translation() = Eigen::Vector3d(0.06, -0.001, 1.0 / 7);
+  rig.T_color_depth.rotate(Eigen::AngleAxisd(0.01, Eigen::Vector3d(1, 2, 3).normalized()));
+  rig.fisheye.emplace();
+  *rig.fisheye = {.width = 40, .height = 40, .fx = 12, .fy = 12, .cx = 19, .cy = 20, .k1 = 0.01, .k4 = 1e-3};
+  rig.depth_time_offset_s = 0.0073;
+  rig.ptu.emplace();
+  rig.ptu->tilt_axis.direction = Eigen::Vector3d(0.01, -1, 0.02).normalized();
+  rig.ptu->tilt_axis.point = Eigen::Vector3d(0.01, 0, 0.05);
+  rig.ptu->pan_scale = 1.003;
+  const std::string text = FormatRig(rig);
+  const auto again = ParseRig(text);
+  ASSERT_TRUE(again) << again.error().message;
+  EXPECT_TRUE(again->warnings.empty());
+  EXPECT_EQ(again->rig.color, rig.color);
+  EXPECT_EQ(again->rig.depth->camera, rig.depth->camera);
+  EXPECT_EQ(again->rig.depth->range_error, rig.depth->range_error);
+  EXPECT_EQ(again->rig.depth->unambiguous_range_m, rig.depth->unambiguous_range_m);
+  EXPECT_NEAR(again->rig.fisheye->max_angle_rad, rig.fisheye->max_angle_rad, 1e-12);
+  EXPECT_EQ(again->rig.depth_time_offset_s, rig.depth_time_offset_s);
+  EXPECT_TRUE(again->rig.T_color_depth.isApprox(rig.T_color_depth, 1e-12));
+  EXPECT_TRUE(again->rig.ptu->TWorldColor(10, -5).isApprox(rig.ptu->TWorldColor(10, -5), 1e-12));
+  EXPECT_FALSE(ParseRig("{}"));
+}
+
 TEST(RigidTransform, RefusesWhatIsNotRigid) {
   EXPECT_TRUE(RigidFromRowMajor({0, -1, 0, 5, 1, 0, 0, 6, 0, 0, 1, 7, 0, 0, 0, 1}));
   EXPECT_FALSE(RigidFromRowMajor({1, 0, 0, 0, 0, 1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1}));  // a mirror
