@@ -95,8 +95,8 @@ TEST(DracoMesh, KeepsWindingNormalsAndColors) {
   for (std::uint32_t f = 0; f < mesh->num_faces(); ++f) {
     const auto& face = mesh->face(draco::FaceIndex(f));
     std::array<Eigen::Vector3f, 3> p;
-    for (int k = 0; k < 3; ++k)
-      p[static_cast<std::size_t>(k)] = Value<3>(*mesh, draco::GeometryAttribute::POSITION, face[k].value());
+    for (std::size_t k = 0; k < 3; ++k)
+      p[k] = Value<3>(*mesh, draco::GeometryAttribute::POSITION, face[k].value());
     ASSERT_LT((p[1] - p[0]).cross(p[2] - p[0]).z(), 0) << "faces the camera";
   }
   for (std::uint32_t i = 0; i < mesh->num_points(); ++i) {
