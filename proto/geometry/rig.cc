@@ -8,99 +8,15 @@
 #include <numbers>
 
 #include "proto/base/file_bytes.h"
+#include "proto/geometry/json_fields.h"
 
 namespace mixstage {
 namespace {
 
 using Json = nlohmann::json;
+using Fields = JsonFields;
 
 constexpr std::uintmax_t kMaxRigBytes = 16 << 20;  // two curves of 100,000 numbers each, written out
-
-// One JSON object being read: every key asked for is noted, so that what is left over can be warned about.
-class Fields {
- public:
-  Fields(const Json& object, std::string path, std::vector<std::string>& warnings)
-      : object_(object), path_(std::move(path)), warnings_(warnings) {}
-
-  bool Has(const char* key) {
-    known_.emplace_back(key);
-    return object_.contains(key);
-  }
-  const Json& Raw(const char* key) { return object_.at(key); }
-
-  Status Number(const char* key, double& value) {
-    if (!Has(key)) return {};
-    const Json& j = object_.at(key);
-    if (!j.is_number() || !std::isfinite(j.get<double>())) return Bad(key, "is not a finite number");
-    value = j.get<double>();
-    return {};
-  }
-  Status Integer(const char* key, int& value) {
-    double number = value;
-    if (auto ok = Number(key, number); !ok) return ok;
-    if (number != std::floor(number) || std::abs(number) > 1e6)
-      return Bad(key, "is not a small whole number");
-    value = static_cast<int>(number);
-    return {};
-  }
-  template <std::size_t N>
-  Status Numbers(const char* key, std::array<double, N>& values, bool& present) {
-    present = Has(key);
-    if (!present) return {};
-    const Json& j = object_.at(key);
-    if (!j.is_array() || j.size() != N) return Bad(key, "is not a list of " + std::to_string(N) + " numbers");
-    for (std::size_t i = 0; i < N; ++i) {
-      if (!j[i].is_number() || !std::isfinite(j[i].get<double>()))
-        return Bad(key, "has a number that is not finite");
-      values[i] = j[i].get<double>();
-    }
-    return {};
-  }
-  Status Rigid(const char* key, RigidTransform& value) {
-    std::array<double, 16> numbers{};
-    bool present = false;
-    if (auto ok = Numbers(key, numbers, present); !ok || !present) return ok;
-    auto T = RigidFromRowMajor(numbers);
-    if (!T) return Bad(key, T.error().message);
-    value = *T;
-    return {};
-  }
-  // Calls read(Fields) for the object under key, when it is there.
-  template <typename Read>
-  Status Object(const char* key, Read read) {
-    if (!Has(key)) return {};
-    if (!object_.at(key).is_object()) return Bad(key, "is not an object");
-    Fields inner(object_.at(key), path_.empty() ? key : path_ + "." + key, warnings_);
-    if (Status ok = read(inner); !ok) return ok;
-    inner.WarnOfUnknown();
-    return {};
-  }
-  void WarnOfUnknown() {
-    for (const auto& [key, unused] : object_.items()) {
-      if (std::find(known_.begin(), known_.end(), key) == known_.end()) {
-        warnings_.push_back("unknown key " + (path_.empty() ? key : path_ + "." + key) + " is ignored");
-      }
-    }
-  }
-  Status Bad(const char* key, const std::string& why) const {
-    return Fail(ErrorCode::kBadInput, (path_.empty() ? "" : path_ + ".") + key + " " + why);
-  }
-  [[nodiscard]] const std::string& path() const { return path_; }
-
- private:
-  const Json& object_;
-  std::string path_;
-  std::vector<std::string>& warnings_;
-  std::vector<std::string> known_;
-};
-
-// Runs the steps in order and stops at the first that fails.
-Status All(std::initializer_list<Status> steps) {
-  for (const Status& step : steps) {
-    if (!step) return step;
-  }
-  return {};
-}
 
 template <typename Camera>
 Status Checked(const Camera& camera, const Fields& fields) {

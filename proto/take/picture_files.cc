@@ -55,6 +55,15 @@ Result<cv::Mat> DecodePng(const std::vector<std::uint8_t>& bytes, int flags) {
   return picture;
 }
 
+Result<cv::Mat> LoadPng(const fs::path& file, int type, const char* what) {
+  auto bytes = ReadFileBytes(file, kMaxPictureFileBytes);
+  if (!bytes) return Within(file.string(), bytes.error());
+  auto decoded = DecodePng(*bytes, cv::IMREAD_UNCHANGED);
+  if (!decoded) return Within(file.string(), decoded.error());
+  if (decoded->type() != type) return Fail(ErrorCode::kBadInput, file.string() + ": is not " + what);
+  return decoded;
+}
+
 }  // namespace
 
 bool IsJpeg(const std::vector<std::uint8_t>& bytes) {
@@ -88,12 +97,15 @@ Status LoadColor(const fs::path& file, JpegDecoder& decoder, YuvImage& image) {
 }
 
 Status LoadDepth16(const fs::path& file, cv::Mat1w& picture) {
-  auto bytes = ReadFileBytes(file, kMaxPictureFileBytes);
-  if (!bytes) return Within(file.string(), bytes.error());
-  auto decoded = DecodePng(*bytes, cv::IMREAD_UNCHANGED);
-  if (!decoded) return Within(file.string(), decoded.error());
-  if (decoded->type() != CV_16UC1)
-    return Fail(ErrorCode::kBadInput, file.string() + ": is not a 16-bit grey PNG");
+  auto decoded = LoadPng(file, CV_16UC1, "a 16-bit grey PNG");
+  if (!decoded) return tl::unexpected(decoded.error());
+  picture = *decoded;
+  return {};
+}
+
+Status LoadBgra(const fs::path& file, cv::Mat4b& picture) {
+  auto decoded = LoadPng(file, CV_8UC4, "an 8-bit PNG with alpha");
+  if (!decoded) return tl::unexpected(decoded.error());
   picture = *decoded;
   return {};
 }

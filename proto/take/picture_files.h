@@ -30,5 +30,7 @@ Result<PictureSize> ReadColorSize(const std::filesystem::path& file);
 Status LoadColor(const std::filesystem::path& file, JpegDecoder& decoder, YuvImage& image);
 // 16-bit grey PNG.
 Status LoadDepth16(const std::filesystem::path& file, cv::Mat1w& picture);
+// 8-bit PNG with alpha.
+Status LoadBgra(const std::filesystem::path& file, cv::Mat4b& picture);
 
 }  // namespace mixstage
