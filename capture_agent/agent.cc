@@ -100,7 +100,9 @@ AgentTotals RunAgent(Source& source, Pace pace, LcmLink& link, const PublisherCo
       }
       publisher.SetParity(parity);
       publisher.Publish(item->captured);
-      publisher.PublishHealthIfDue(dropped, static_cast<int>(queue.size()));
+      publisher.PublishHealthIfDue({.dropped = dropped,
+                                    .queue = static_cast<int>(queue.size()),
+                                    .recording = recorder != nullptr && recorder->status().active});
     }
     totals.published = publisher.published();
     totals.send_errors = publisher.send_errors();

@@ -78,7 +78,7 @@ void Publisher::PublishPicture(const CapturedPicture& picture, std::int64_t t_us
   ++sent_this_second_[Index(picture.stream)];
 }
 
-void Publisher::PublishHealthIfDue(std::int64_t dropped, int queue) {
+void Publisher::PublishHealthIfDue(const CaptureHealth& capture) {
   const std::int64_t now_us = MonotonicMicros();
   if (now_us < health_due_us_) return;
   health_due_us_ = now_us + kHealthPeriodUs;
@@ -97,10 +97,11 @@ void Publisher::PublishHealthIfDue(std::int64_t dropped, int queue) {
   const std::int64_t pictures = std::max<std::int64_t>(1, sent_this_second_[Index(Stream::kColor)]);
   health.encode_ms =
       static_cast<float>(static_cast<double>(encode_us_) * 1e-3 / static_cast<double>(pictures));
-  health.queue = queue;
+  health.queue = capture.queue;
   health.published = published_;
-  health.dropped = dropped;
+  health.dropped = capture.dropped;
   health.send_errors = send_errors_;
+  health.recording = capture.recording ? 1 : 0;
   send_errors_ += !link_.Publish(health);
   sent_this_second_.fill(0);
   encode_us_ = 0;

@@ -30,8 +30,14 @@ class Publisher {
   Publisher(const PublisherConfig& config, LcmLink& link, std::int64_t epoch);
 
   void Publish(const Captured& captured);
-  // Sends agent_health_t when a second has passed. dropped, queue: what the capture side counted.
-  void PublishHealthIfDue(std::int64_t dropped, int queue);
+  // What the capture side knows of the agent's health.
+  struct CaptureHealth {
+    std::int64_t dropped = 0;  // pictures, since the start
+    int queue = 0;             // pictures that wait
+    bool recording = false;
+  };
+  // Sends agent_health_t when a second has passed.
+  void PublishHealthIfDue(const CaptureHealth& capture);
   // A picture that was dropped before it got here still has its number, so that the server can count it as
   // lost.
   void SkipPicture(Stream stream);

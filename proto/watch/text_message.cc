@@ -45,7 +45,8 @@ Json Agent(const WatchAgent& agent) {
           {"lost", agent.lost},
           {"repaired", agent.repaired},
           {"slice_loss", Finite(agent.slice_loss)},
-          {"delay_ms", Finite(agent.delay_ms)}};
+          {"delay_ms", Finite(agent.delay_ms)},
+          {"recording", agent.recording}};
 }
 
 Result<WatchStream> ParseStream(const std::string& name) {
@@ -129,6 +130,7 @@ Result<ServerMessage> ParseStats(const JsonFields& fields) {
   read.List("agents", 64, &agents);
   read.Double("depth_age_s", &stats.depth_age_s);
   read.Object("recording", &recording);
+  if (read.Has("T_scene_color")) read.Numbers("T_scene_color", stats.T_scene_color.emplace());
   if (!read.status()) return Within("stats", read.status().error());
   JsonReader read_recording(*recording);
   read_recording.Bool("active", &stats.recording.active);
@@ -168,6 +170,7 @@ Result<ServerMessage> ParseStats(const JsonFields& fields) {
     r.Count("repaired", &agent.repaired);
     r.Double("slice_loss", &agent.slice_loss);
     r.Double("delay_ms", &agent.delay_ms);
+    r.Bool("recording", &agent.recording);
     if (!r.status()) return Within("stats: agents", r.status().error());
     stats.agents.push_back(std::move(agent));
   }
@@ -255,7 +258,7 @@ std::string ToJson(const WatchStats& stats) {
   for (const WatchAgent& agent : stats.agents) agents.push_back(Agent(agent));
   Json drops = Json::object();
   for (const auto& [reason, count] : stats.drops) drops[reason] = count;
-  return Dump({{"type", "stats"},
+  Json json = {{"type", "stats"},
                {"server_us", stats.server_us},
                {"state", stats.state},
                {"message", stats.message},
@@ -273,7 +276,12 @@ std::string ToJson(const WatchStats& stats) {
                {"recording",
                 {{"active", stats.recording.active},
                  {"seconds", Finite(stats.recording.seconds)},
-                 {"dropped", stats.recording.dropped}}}});
+                 {"dropped", stats.recording.dropped}}}};
+  if (stats.T_scene_color) {
+    Json& numbers = json["T_scene_color"] = Json::array();
+    for (const double number : *stats.T_scene_color) numbers.push_back(Finite(number));
+  }
+  return Dump(json);
 }
 
 std::string ToJson(const WatchPong& pong) {

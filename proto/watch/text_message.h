@@ -5,6 +5,7 @@
 // adds are skipped. No exception leaves these functions.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -66,8 +67,9 @@ struct WatchAgent {
   std::uint64_t drops = 0, queue = 0;
   double encode_ms = 0;
   std::uint64_t lost = 0, repaired = 0;
-  double slice_loss = 0;  // 0 .. 1, last 10 s
-  double delay_ms = 0;    // median time on the way beyond the fastest, last 10 s
+  double slice_loss = 0;   // 0 .. 1, last 10 s
+  double delay_ms = 0;     // median time on the way beyond the fastest, last 10 s
+  bool recording = false;  // into a take of its own
 };
 
 struct WatchRecording {  // the server's own, of what arrives
@@ -91,6 +93,8 @@ struct WatchStats {
   std::vector<WatchAgent> agents{};
   double depth_age_s = 0;
   WatchRecording recording{};
+  // Where the camera of the last picture stands: rows of a 3 x 4 matrix, metres; nothing before the first.
+  std::optional<std::array<double, 12>> T_scene_color{};
 };
 
 struct WatchPong {

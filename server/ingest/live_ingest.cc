@@ -203,6 +203,7 @@ void LiveIngest::OnHealth(const mixstage_lcm::agent_health_t& health, std::int64
   agent.queue = health.queue;
   agent.dropped = health.dropped;
   agent.send_errors = health.send_errors;
+  agent.recording = health.recording != 0;
 }
 
 // Called with mutex_ held. The list is short; the one not heard for longest makes room.

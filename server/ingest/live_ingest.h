@@ -35,6 +35,7 @@ struct AgentStatus {
   float color_fps = 0, depth_fps = 0, fisheye_fps = 0, encode_ms = 0;
   std::int64_t queue = 0, dropped = 0, send_errors = 0, lost = 0;
   std::int64_t repaired = 0;  // pictures that parity made whole
+  bool recording = false;     // into a take of its own
   double slice_loss = 0;      // 0 .. 1, share of the slices that did not arrive, last 10 s
   double delay_ms = 0;        // median time on the way beyond the fastest, last 10 s; 0 when not followed
 };

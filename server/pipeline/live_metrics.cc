@@ -71,6 +71,7 @@ std::string LiveShow::MetricsText() const {
       agent_gauge("mixstage_agent_slice_loss_ratio", "Share of slices that did not arrive, last 10 s");
   auto& agent_delay = agent_gauge("mixstage_agent_delay_seconds",
                                   "Median time on the way beyond the fastest picture, last 10 s");
+  auto& agent_recording = agent_gauge("mixstage_agent_recording", "1 while it writes a take of its own");
   for (const WatchAgent& agent : stats.agents) {
     agent_fps.Add({{"agent", agent.name}, {"epoch", agent.epoch}}).Set(agent.color_fps);
     agent_lost.Add({{"agent", agent.name}, {"epoch", agent.epoch}})
@@ -79,6 +80,7 @@ std::string LiveShow::MetricsText() const {
         .Increment(static_cast<double>(agent.repaired));
     agent_slice_loss.Add({{"agent", agent.name}, {"epoch", agent.epoch}}).Set(agent.slice_loss);
     agent_delay.Add({{"agent", agent.name}, {"epoch", agent.epoch}}).Set(agent.delay_ms * 1e-3);
+    agent_recording.Add({{"agent", agent.name}, {"epoch", agent.epoch}}).Set(agent.recording);
   }
   return prometheus::TextSerializer().Serialize(registry.Collect());
 }

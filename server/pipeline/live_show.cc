@@ -116,6 +116,7 @@ void LiveShow::RunFrames() {
       const std::lock_guard lock(mutex_);
       if (studio_.scene()) scene_revision_ = studio_.scene()->revision;
       room_state_ = studio_.room_state();
+      T_scene_color_ = studio_.TSceneColor(*frame);
     }
     OfferMeshes(frame);
     if (finished_.Push(std::move(frame)) > 0) CountDrop("late");
@@ -215,6 +216,10 @@ WatchStats LiveShow::Stats() const {
     const Distribution latency = DistributionOf(std::move(latency_ms));
     stats.latency_p50_ms = latency.p50;
     stats.latency_p99_ms = latency.p99;
+    if (T_scene_color_) {
+      using Rows = Eigen::Matrix<double, 3, 4, Eigen::RowMajor>;
+      Eigen::Map<Rows>(stats.T_scene_color.emplace().data()) = T_scene_color_->matrix().topRows<3>();
+    }
   }
   const std::uint64_t slow = gateway_.counters().dropped_viewer_slow;
   if (slow > 0) stats.drops["viewer_slow"] = slow;
@@ -244,7 +249,7 @@ WatchStats LiveShow::Stats() const {
                             static_cast<std::uint64_t>(std::max<std::int64_t>(0, a.dropped)),
                             static_cast<std::uint64_t>(std::max<std::int64_t>(0, a.queue)), a.encode_ms,
                             static_cast<std::uint64_t>(a.lost), static_cast<std::uint64_t>(a.repaired),
-                            a.slice_loss, a.delay_ms});
+                            a.slice_loss, a.delay_ms, a.recording});
   }
   const double color_age_s = static_cast<double>(now_us - in.last_color_us) * 1e-6;
   if (!agent_lives) {

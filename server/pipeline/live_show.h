@@ -99,7 +99,8 @@ class LiveShow {
   std::int64_t frames_ = 0, bytes_ = 0;
   std::map<std::string, std::int64_t> drops_;
   RoomState room_state_ = RoomState::kLearning;
-  std::uint64_t scene_revision_ = 0;  // of the scene that the last frame showed; 0 = none
+  std::optional<RigidTransform> T_scene_color_;  // of the last frame
+  std::uint64_t scene_revision_ = 0;             // of the scene that the last frame showed; 0 = none
   std::string failure_;
 
   std::jthread ingest_thread_, frame_thread_, encode_thread_, mesh_thread_, stats_thread_;

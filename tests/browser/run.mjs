@@ -72,8 +72,8 @@ async function run(checks, context) {
   for (const [name, check] of Object.entries(checks)) {
     if (options.only !== undefined && !name.includes(options.only)) continue;
     try {
-      await check(context);
-      console.log(`ok ${name}`);
+      const note = await check(context);
+      console.log(`ok ${name}${note === undefined ? '' : ` (${note})`}`);
     } catch (error) {
       failures += 1;
       console.log(`FAIL ${name}: ${String(error.message).split('\n').slice(0, 6).join(' ')}`);

@@ -110,15 +110,20 @@ def the_order_of_starting_does_not_matter():
 
 
 def a_killed_agent_comes_back():
-    with Studio(BUILD) as studio:
+    # A recording, because the synthetic set is drawn first: a second that no camera takes.
+    with tempfile.TemporaryDirectory() as folder, Studio(BUILD) as studio:
+        subprocess.run([str(BUILD / "tests" / "make_synthetic_take"), folder, "0", "2"], check=True, stdout=subprocess.DEVNULL)
         studio.server()
-        agent = studio.agent()
+        agent = studio.agent(f"take:{folder}", "--loop")
         studio.wait_until_live()
         crash(agent)
         Studio.wait_for(lambda: studio.healthy()["state"] == "no_agent", 8, "the loss of the agent is not said")
-        studio.agent()
-        Studio.wait_for(lambda: studio.healthy()["state"] in ("live", "learning"), 8, "the new agent is not followed")
+        before, started = studio.metrics()["mixstage_frames_total"], time.monotonic()
+        studio.agent(f"take:{folder}", "--loop")
+        Studio.wait_for(lambda: studio.metrics()["mixstage_frames_total"] > before, 8, "the new agent is not followed")
+        waited = time.monotonic() - started
         assert studio.view(3)["frames"] > 10
+        return f"a picture {1000 * waited:.0f} ms after its start"
 
 
 def a_killed_server_comes_back_and_the_viewer_reconnects():

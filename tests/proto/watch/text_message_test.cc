@@ -24,9 +24,10 @@ WatchStats FullStats() {
           .viewers = 2,
           .drops = {{"late", 3}, {"lost", 5}},
           .stages = {{"warp_depth", 3.0, 2.5, 2.25}},
-          .agents = {{"0123456789abcdef", "head-1", 0.2, 30, 12.5, 1, 2, 2.0, 4, 9, 0.01, 1.5}},
+          .agents = {{"0123456789abcdef", "head-1", 0.2, 30, 12.5, 1, 2, 2.0, 4, 9, 0.01, 1.5, true}},
           .depth_age_s = 3.5,
-          .recording = {true, 12.5, 3}};
+          .recording = {true, 12.5, 3},
+          .T_scene_color = {{0, 0, 1, 2, -1, 0, 0, 0.5, 0, -1, 0, 1.5}}};
 }
 
 TEST(ServerMessage, HelloComesBack) {
@@ -72,8 +73,9 @@ TEST(ServerMessage, StatsHaveTheFieldsOfTheSpecification) {
     "stages": [{"name": "warp_depth", "budget_ms": 3.0, "wall_ms": 2.5, "cpu_ms": 2.25}],
     "agents": [{"epoch": "0123456789abcdef", "name": "head-1", "age_s": 0.2, "color_fps": 30.0, "depth_fps": 12.5,
                 "drops": 1, "queue": 2, "encode_ms": 2.0, "lost": 4,
-                "repaired": 9, "slice_loss": 0.01, "delay_ms": 1.5}],
-    "depth_age_s": 3.5, "recording": {"active": true, "seconds": 12.5, "dropped": 3}})");
+                "repaired": 9, "slice_loss": 0.01, "delay_ms": 1.5, "recording": true}],
+    "depth_age_s": 3.5, "recording": {"active": true, "seconds": 12.5, "dropped": 3},
+    "T_scene_color": [0.0, 0.0, 1.0, 2.0, -1.0, 0.0, 0.0, 0.5, 0.0, -1.0, 0.0, 1.5]})");
   EXPECT_EQ(json, expected);
 }
 
@@ -112,7 +114,7 @@ TEST(ServerMessage, EveryMissingOrMistypedFieldIsRefusedByName) {
   for (const auto& [name, value] : good.items()) {
     nlohmann::json missing = good;
     missing.erase(name);
-    EXPECT_FALSE(ParseServerMessage(missing.dump())) << name;
+    EXPECT_EQ(ParseServerMessage(missing.dump()).has_value(), name == "T_scene_color") << name;
     nlohmann::json mistyped = good;
     mistyped[name] = nullptr;
     const auto message = ParseServerMessage(mistyped.dump());

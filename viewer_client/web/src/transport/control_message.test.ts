@@ -36,6 +36,7 @@ const kStats = {
   ],
   depth_age_s: 0.04,
   recording: { active: false, seconds: 0, dropped: 0 },
+  T_scene_color: [0, 0, 1, 2, -1, 0, 0, 0.5, 0, -1, 0, 1.4],
 };
 const kHello = {
   type: 'hello',
@@ -148,7 +149,7 @@ describe('a control message', () => {
   });
 
   it('refuses what lacks any one field', () => {
-    const optional = ['type', 'recording'];
+    const optional = ['type', 'recording', 'T_scene_color'];
     for (const key of Object.keys(kStats).filter((name) => !optional.includes(name))) {
       const { [key as keyof typeof kStats]: _left, ...rest } = kStats;
       expect(reasonOf(rest), key).not.toBe('accepted');
@@ -160,11 +161,12 @@ describe('a control message', () => {
   });
 
   it('takes what an older server leaves out as not known', () => {
-    const { recording: _recording, ...rest } = kStats;
+    const { recording: _recording, T_scene_color: _pose, ...rest } = kStats;
     const { repaired: _r, slice_loss: _s, delay_ms: _d, recording: _a, ...agent } = kStats.agents[0] ?? {};
     const decoded = decodeControlMessage(JSON.stringify({ ...rest, agents: [agent] }));
     if (!decoded.ok || decoded.value.type !== 'stats') throw new Error('refused');
     expect(decoded.value.stats.recording).toBeNull();
+    expect(decoded.value.stats.T_scene_color).toBeNull();
     expect(decoded.value.stats.agents[0]).toMatchObject({
       slice_loss: null,
       delay_ms: null,

@@ -6,6 +6,7 @@ import {
   countersAt,
   flagAt,
   numberAt,
+  numbersAt,
   recordOf,
   recordsAt,
   textAt,
@@ -69,6 +70,8 @@ export interface Stats {
   depth_age_s: number;
   /** Null: not known. */
   recording: Recording | null;
+  /** Where the last picture's colour camera stands, rows of a 3 x 4 matrix; null: not known. */
+  T_scene_color: number[] | null;
 }
 
 /** What an older server leaves out is not known. */
@@ -137,5 +140,6 @@ export function statsOf(record: JsonRecord): Stats {
     agents: recordsAt(record, 'agents').map(agentOf),
     depth_age_s: numberAt(record, 'depth_age_s'),
     recording: ifThere(record, 'recording', recordingAt),
+    T_scene_color: ifThere(record, 'T_scene_color', (from, key) => numbersAt(from, key, 12)),
   };
 }

@@ -3,6 +3,7 @@ import type { Hello } from '../transport/control_message';
 import type { Scene } from '../transport/scene';
 import type { Stats } from '../transport/stats';
 import type { ProbePoint, ProbeReading } from '../view/depth_probe';
+import type { Pose } from '../view/geometry';
 import {
   kPaneNames,
   kPictureNames,
@@ -58,10 +59,7 @@ export class Page {
     onNotice: (sentence, tone) => this.#scene.tell(sentence, tone),
   });
   readonly #room = new RoomPane(this.#editor, {
-    onPose: (T_scene_color) => {
-      this.#editor.setPose(T_scene_color);
-      this.#showRing();
-    },
+    onPose: (T_scene_color) => this.#placeCamera(T_scene_color),
     onShownChange: () => this.#show(),
   });
   readonly #panes: Readonly<Record<PaneName, Pane>> = {
@@ -185,6 +183,7 @@ export class Page {
         break;
       case 'stats':
         this.#stats = message.stats;
+        this.#placeCamera(message.stats.T_scene_color);
         break;
       case 'scene':
         return this.#takeScene(message.scene);
@@ -316,6 +315,13 @@ export class Page {
     const what = placing?.what === 'add' ? placing.file : (selected?.name ?? 'it');
     setText(this.#placing, `Click where ${what} shall stand. Esc: not now.`);
     publishScene(document.documentElement, scene);
+    this.#showRing();
+  }
+
+  /** Null: not known yet. */
+  #placeCamera(T_scene_color: Pose | null): void {
+    if (T_scene_color === null) return;
+    this.#editor.setPose(T_scene_color);
     this.#showRing();
   }
 

@@ -19,6 +19,7 @@ function stats(state: ServerState, message = ''): Stats {
     stages: [],
     agents: [],
     recording: null,
+    T_scene_color: null,
     depth_age_s: 3.4,
   };
 }
