@@ -149,31 +149,49 @@ bool IsTumBenchmarkFolder(const fs::path& folder) {
   return false;
 }
 
-}  // namespace
-
-Result<Take> OpenTake(const fs::path& folder) {
+// Everything of a take but what rests on its colour pictures.
+Result<Take> ReadLists(const fs::path& folder) {
   Take take;
   // Without a trailing slash, so that its last part is its name.
   take.folder = folder.has_filename() ? folder : folder.parent_path();
   std::error_code ignored;
   if (!fs::is_directory(folder, ignored))
     return Fail(ErrorCode::kBadInput, folder.string() + ": is not a folder");
-  if (!Exists(folder / "rgb.txt")) {
-    return Fail(ErrorCode::kBadInput,
-                (folder / "rgb.txt").string() + ": is missing (a take lists its colour pictures there)");
-  }
   for (auto [name, entries] :
        {std::pair{"rgb.txt", &take.color}, std::pair{"depth.txt", &take.depth},
         std::pair{"amplitude.txt", &take.amplitude}, std::pair{"fisheye.txt", &take.fisheye}}) {
     if (auto ok = ReadPictureList(take, name, *entries); !ok) return tl::unexpected(ok.error());
   }
   if (auto ok = ReadHead(take); !ok) return tl::unexpected(ok.error());
-  if (take.color.empty()) {
+  return take;
+}
+
+}  // namespace
+
+Result<Take> OpenTake(const fs::path& folder) {
+  std::error_code ignored;
+  if (fs::is_directory(folder, ignored) && !Exists(folder / "rgb.txt")) {
+    return Fail(ErrorCode::kBadInput,
+                (folder / "rgb.txt").string() + ": is missing (a take lists its colour pictures there)");
+  }
+  auto take = ReadLists(folder);
+  if (!take) return take;
+  if (take->color.empty()) {
     return Fail(ErrorCode::kBadInput,
                 (folder / "rgb.txt").string() + ": lists no colour picture that exists");
   }
-  if (Exists(folder / "clean_plate" / "rgb.txt")) take.clean_plate = folder / "clean_plate";
-  if (IsTumBenchmarkFolder(folder)) take.assumed_depth_unit_m = kTumBenchmarkUnitM;
+  if (Exists(folder / "clean_plate" / "rgb.txt")) take->clean_plate = folder / "clean_plate";
+  if (IsTumBenchmarkFolder(folder)) take->assumed_depth_unit_m = kTumBenchmarkUnitM;
+  return take;
+}
+
+Result<Take> OpenPictureLists(const fs::path& folder) {
+  auto take = ReadLists(folder);
+  if (!take) return take;
+  if (take->color.empty() && take->depth.empty() && take->amplitude.empty() && take->fisheye.empty()) {
+    return Fail(ErrorCode::kBadInput,
+                folder.string() + ": no rgb.txt, depth.txt, amplitude.txt or fisheye.txt lists a picture");
+  }
   return take;
 }
 

@@ -32,7 +32,7 @@ struct PoseSample {
 
 struct Take {
   std::filesystem::path folder;
-  std::vector<TakeEntry> color, depth, amplitude, fisheye;  // times rise; color is never empty
+  std::vector<TakeEntry> color, depth, amplitude, fisheye;  // times rise; a take's color is never empty
   std::vector<HeadSample> head;                             // ptu.txt, times rise
   std::optional<std::filesystem::path> clean_plate;         // folder/clean_plate, when it is there
   double assumed_depth_unit_m =
@@ -44,6 +44,9 @@ struct Take {
 // is left. A listed file that is missing or empty, and a last line that no newline ends and nobody can read
 // (ptu.txt: any such line), are left out with a warning; a path that leaves the folder is an error.
 Result<Take> OpenTake(const std::filesystem::path& folder);
+
+// The same for a folder of views, which may lack colour: fails when no list names a picture that exists.
+Result<Take> OpenPictureLists(const std::filesystem::path& folder);
 
 // A trajectory file "timestamp tx ty tz qx qy qz qw" (T_world_color).
 Result<std::vector<PoseSample>> ReadPoses(const std::filesystem::path& file);
