@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "proto/base/check.h"
+
 namespace mixstage {
 namespace {
 
@@ -17,10 +19,13 @@ constexpr int kLumaGain = 66, kLumaSlope = 1, kChromaGain = 34;
 
 }  // namespace
 
-ColorView::ColorView(const Room& room, const RoomLight& light, const Rig& rig,
-                     const RigidTransform& T_world_color)
-    : camera_(rig.color), T_world_color_(T_world_color) {
-  RoomPlate plate = RenderRoomPlate(room, light, rig, T_world_color);
+ColorView::ColorView(const RoomPlate& plate, const PinholeCamera& camera, const RigidTransform& T_world_color)
+    : ColorView(plate) {
+  camera_ = camera;
+  T_world_color_ = T_world_color;
+}
+
+ColorView::ColorView(const RoomPlate& plate) {
   width_ = plate.width;
   height_ = plate.height;
   padded_width_ = plate.padded_width;
@@ -101,7 +106,8 @@ void ColorView::Render(const Figure* figure, const BodyLight& light, std::uint32
 }
 
 void ColorView::DrawFigure(const Figure& figure, const BodyLight& light) {
-  ViewFigure(figure, camera_, T_world_color_, kMargin_px, view_);
+  MIX_CHECK(camera_.has_value());
+  ViewFigure(figure, *camera_, T_world_color_, kMargin_px, view_);
   CastersOf(figure, casters_);
   BinParts();
   FindShadows(light);

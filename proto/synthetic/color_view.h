@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The colour camera's pictures: the room's plate, and per frame only what the figure and his shadow change.
+// Also the fisheye's, in which the figure is never drawn.
 #pragma once
 
 #include <memory>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <vector>
 
 #include "proto/codec/yuv_image.h"
@@ -18,9 +20,13 @@ enum class SensorNoise { kNone = 1, kReal };
 
 class ColorView {
  public:
-  ColorView(const Room& room, const RoomLight& light, const Rig& rig, const RigidTransform& T_world_color);
+  // Through the colour camera. The plate's pictures are shared, not changed.
+  ColorView(const RoomPlate& plate, const PinholeCamera& camera, const RigidTransform& T_world_color);
+  // Through any other lens: the empty set alone.
+  explicit ColorView(const RoomPlate& plate);
 
-  // figure: null = the empty set. Allocates nothing once `out` has its size. One thread at a time.
+  // figure: null = the empty set; must be null where there is no colour camera (checked). Allocates nothing
+  // once `out` has its size. One thread at a time.
   void Render(const Figure* figure, const BodyLight& light, std::uint32_t frame, const NoiseTape& tape,
               SensorNoise noise, YuvImage& out);
 
@@ -37,7 +43,7 @@ class ColorView {
 
   void MakeTiles(const RoomPlate& plate);
   void MakeStaticPicture();
-  void MakeNodes(RoomPlate& plate);
+  void MakeNodes(const RoomPlate& plate);
   // Shares at node (i, j) as they are drawn: shadows too weak to see fade out. Returns what the pixel loses,
   // 0..1.
   float Fade(int i, int j, float share[3]) const;
@@ -68,7 +74,7 @@ class ColorView {
   Eigen::Vector3f origin_ = Eigen::Vector3f::Zero();                   // the camera's centre, world
   std::vector<TileData> tile_data_;
   cv::Mat1f node_point_[3], node_normal_[3];  // as RoomPlate's
-  PinholeCamera camera_;
+  std::optional<PinholeCamera> camera_;
   RigidTransform T_world_color_;
   int tiles_x_ = 0, tiles_y_ = 0;
   cv::Mat1s static_y_, static_cb_, static_cr_;  // [padded] the empty set, value x 64

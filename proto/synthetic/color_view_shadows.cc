@@ -15,7 +15,7 @@ constexpr float kCoarseRange = 0.045f;  // shares that differ more within a tile
 
 }  // namespace
 
-void ColorView::MakeNodes(RoomPlate& plate) {
+void ColorView::MakeNodes(const RoomPlate& plate) {
   const int width = plate.node_point[0].cols;
   const int height = plate.node_point[0].rows;
   coarse_width_ = (width - 1) / kCoarse + 1;

@@ -19,14 +19,14 @@ void Store(const Vector3d& from, float* to) {
   for (int c = 0; c < 3; ++c) to[c] = static_cast<float>(from[c]);
 }
 
-SoftLamp LampOf(const RoomLamp& light) {
+SoftLamp LampOf(const SyntheticLamp& light) {
   SoftLamp lamp{};
   Store(light.center, lamp.center);
   lamp.radius = static_cast<float>(light.DiscRadius());
   return lamp;
 }
 
-void PointsOf(const RoomLamp& light, BodyLight::Point* points) {
+void PointsOf(const SyntheticLamp& light, BodyLight::Point* points) {
   const double area = 4 * light.half_u.norm() * light.half_v.norm();
   for (int i = 0; i < kLampPoints; ++i) {
     const Vector3d at = light.center + (i % 2 - 0.5) * light.half_u + (i / 2 - 0.5) * light.half_v;

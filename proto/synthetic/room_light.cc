@@ -33,10 +33,10 @@ Eigen::Vector2d Lattice(int i, int n, std::uint32_t seed) {
 
 }  // namespace
 
-double RoomLamp::DiscRadius() const { return std::sqrt(4 * half_u.norm() * half_v.norm() / kPi); }
+double SyntheticLamp::DiscRadius() const { return std::sqrt(4 * half_u.norm() * half_v.norm() / kPi); }
 
-RoomLamp WindowLight() {
-  RoomLamp light;
+SyntheticLamp WindowLight() {
+  SyntheticLamp light;
   light.center = {0.5 * (plan::kWindowX0 + plan::kWindowX1), plan::kLeftY,
                   0.5 * (plan::kWindowZ0 + plan::kWindowZ1)};
   light.half_u = {0.5 * (plan::kWindowX1 - plan::kWindowX0), 0, 0};
@@ -46,8 +46,8 @@ RoomLamp WindowLight() {
   return light;
 }
 
-RoomLamp SoftboxLight() {
-  RoomLamp light;
+SyntheticLamp SoftboxLight() {
+  SyntheticLamp light;
   light.center = {plan::kSoftboxX, plan::kSoftboxY, plan::kSoftboxZ};
   light.half_u = {plan::kSoftboxHalf, 0, 0};
   light.half_v = {0, plan::kSoftboxHalf, 0};
@@ -56,7 +56,7 @@ RoomLamp SoftboxLight() {
   return light;
 }
 
-float UnitIrradiance(const RoomLamp& light, const Vector3d& p, const Vector3d& normal) {
+float UnitIrradiance(const SyntheticLamp& light, const Vector3d& p, const Vector3d& normal) {
   if (light.normal.dot(p - light.center) <= 0) return 0;
   const std::array<Vector3d, 4> corners = {
       light.center - light.half_u - light.half_v - p, light.center + light.half_u - light.half_v - p,
@@ -86,7 +86,7 @@ float UnitIrradiance(const RoomLamp& light, const Vector3d& p, const Vector3d& n
 
 RoomLight::RoomLight(const Room& room) : room_(room), window_(WindowLight()), softbox_(SoftboxLight()) {}
 
-float RoomLight::Visibility(const RoomLamp& light, const Vector3d& p, const Vector3d& normal, int rays,
+float RoomLight::Visibility(const SyntheticLamp& light, const Vector3d& p, const Vector3d& normal, int rays,
                             std::uint32_t seed) const {
   double all = 0;
   double seen = 0;
@@ -129,7 +129,7 @@ Vector3f RoomLight::Seen(const Ray& ray, std::uint32_t seed) const {
   const Vector3d p = ray.origin + found.range_m * ray.direction;
   const RoomMaterial material = room_.PlainMaterial(found);
   Vector3f light = kFurther;
-  for (const RoomLamp* area : {&window_, &softbox_}) {
+  for (const SyntheticLamp* area : {&window_, &softbox_}) {
     const float unit = UnitIrradiance(*area, p, found.normal);
     if (unit > 3e-3f) light += unit * Visibility(*area, p, found.normal, 1, Mix(seed, 31)) * area->radiance;
   }

@@ -13,7 +13,7 @@
 namespace mixstage {
 
 // A rectangle that shines to the side of its normal.
-struct RoomLamp {
+struct SyntheticLamp {
   Eigen::Vector3d center, half_u, half_v;  // m; half side vectors
   Eigen::Vector3d normal;                  // unit
   Eigen::Vector3f radiance;
@@ -21,12 +21,12 @@ struct RoomLamp {
   [[nodiscard]] double DiscRadius() const;
 };
 
-RoomLamp WindowLight();
-RoomLamp SoftboxLight();
+SyntheticLamp WindowLight();
+SyntheticLamp SoftboxLight();
 
 // Unoccluded irradiance from a light of radiance 1 (Lambert's polygon formula, cut at the surface's horizon):
 // 0..1.
-[[nodiscard]] float UnitIrradiance(const RoomLamp& light, const Eigen::Vector3d& p,
+[[nodiscard]] float UnitIrradiance(const SyntheticLamp& light, const Eigen::Vector3d& p,
                                    const Eigen::Vector3d& normal);
 
 class RoomLight {
@@ -35,7 +35,7 @@ class RoomLight {
 
   // Share of a light that reaches a point, 0..1, by `rays` stratified shadow rays; `seed` turns their
   // pattern.
-  [[nodiscard]] float Visibility(const RoomLamp& light, const Eigen::Vector3d& p,
+  [[nodiscard]] float Visibility(const SyntheticLamp& light, const Eigen::Vector3d& p,
                                  const Eigen::Vector3d& normal, int rays, std::uint32_t seed) const;
   // Irradiance from the lamp on the sideboard.
   [[nodiscard]] Eigen::Vector3f Lamp(const Eigen::Vector3d& p, const Eigen::Vector3d& normal,
@@ -46,12 +46,12 @@ class RoomLight {
   // What is seen along a ray, roughly: mean colours, one shadow ray a light. For bounces and reflections.
   [[nodiscard]] Eigen::Vector3f Seen(const Ray& ray, std::uint32_t seed) const;
 
-  [[nodiscard]] const RoomLamp& window() const { return window_; }
-  [[nodiscard]] const RoomLamp& softbox() const { return softbox_; }
+  [[nodiscard]] const SyntheticLamp& window() const { return window_; }
+  [[nodiscard]] const SyntheticLamp& softbox() const { return softbox_; }
 
  private:
   const Room& room_;
-  RoomLamp window_, softbox_;
+  SyntheticLamp window_, softbox_;
 };
 
 }  // namespace mixstage

@@ -28,13 +28,14 @@ struct LightSample {
 
 class PlateRenderer {
  public:
-  PlateRenderer(const Room& room, const RoomLight& light, const Rig& rig, const RigidTransform& T_world_color)
-      : room_(room), light_(light), rig_(rig), T_world_color_(T_world_color) {
-    plate_.width = rig.color.width;
-    plate_.height = rig.color.height;
+  PlateRenderer(const Room& room, const RoomLight& light, const PlateLens& lens,
+                const RigidTransform& T_world_camera)
+      : room_(room), light_(light), lens_(lens), T_world_camera_(T_world_camera) {
+    plate_.width = lens.width;
+    plate_.height = lens.height;
     plate_.padded_width = (plate_.width + kTile - 1) / kTile * kTile;
     plate_.padded_height = (plate_.height + kTile - 1) / kTile * kTile;
-    plate_.origin = T_world_color.translation();
+    plate_.origin = T_world_camera.translation();
     grid_width_ = plate_.padded_width / 2 + 1;
     grid_height_ = plate_.padded_height / 2 + 1;
   }
@@ -49,25 +50,6 @@ class PlateRenderer {
   }
 
  private:
-  // Ray per metre of depth at any place of the padded picture; outside the picture or beyond the lens' fold
-  // the nearest ray that exists.
-  Vector3d RayAt(double u, double v) const {
-    const int w = plate_.padded_width;
-    const int h = plate_.padded_height;
-    const int x = std::clamp(static_cast<int>(std::floor(u)), 0, w - 2);
-    const int y = std::clamp(static_cast<int>(std::floor(v)), 0, h - 2);
-    const double fu = u - x;
-    const double fv = v - y;
-    Vector3d ray;
-    for (int c = 0; c < 3; ++c) {
-      const cv::Mat1f& plane = plate_.ray[c];
-      const double low = plane(y, x) + fu * (plane(y, x + 1) - plane(y, x));
-      const double high = plane(y + 1, x) + fu * (plane(y + 1, x + 1) - plane(y + 1, x));
-      ray[c] = low + fv * (high - low);
-    }
-    return ray;
-  }
-
   template <typename Row>
   static void ForRows(int rows, Row row) {
     cv::parallel_for_(cv::Range(0, rows), [&](const cv::Range& range) {
@@ -78,17 +60,14 @@ class PlateRenderer {
   void MakeRays() {
     for (int c = 0; c < 3; ++c) plate_.ray[c].create(plate_.padded_height, plate_.padded_width);
     plate_.vignette.create(plate_.padded_height, plate_.padded_width);
-    const Eigen::Matrix3d R = T_world_color_.linear();
-    const double diagonal2 = 0.25 * (Sq(plate_.width) + Sq(plate_.height));
+    const Eigen::Matrix3d R = T_world_camera_.linear();
     ForRows(plate_.padded_height, [&](int v) {
-      Vector2d last(0, 0);
+      Vector3d last = Vector3d::UnitZ();
       for (int u = 0; u < plate_.padded_width; ++u) {
-        if (const auto n = rig_.color.Unproject(Vector2d(u, v))) last = *n;
-        const Vector3d ray = R * Vector3d(last.x(), last.y(), 1);
+        if (const auto ray = lens_.ray(Vector2d(u, v))) last = *ray;
+        const Vector3d ray = R * last;
         for (int c = 0; c < 3; ++c) plate_.ray[c](v, u) = static_cast<float>(ray[c]);
-        const double r2 = (Sq(u - rig_.color.cx) + Sq(v - rig_.color.cy)) / diagonal2;
-        const double gain = 1 + rig_.vignetting_a * r2 + rig_.vignetting_b * r2 * r2;
-        plate_.vignette(v, u) = static_cast<float>(std::max(0.0, gain));
+        plate_.vignette(v, u) = static_cast<float>(lens_.gain(Vector2d(u, v)));
       }
     });
   }
@@ -97,7 +76,7 @@ class PlateRenderer {
     samples_.resize(static_cast<std::size_t>(grid_width_) * static_cast<std::size_t>(grid_height_));
     ForRows(grid_height_, [&](int j) {
       for (int i = 0; i < grid_width_; ++i) {
-        const Ray ray{plate_.origin, RayAt(2 * i, 2 * j).normalized()};
+        const Ray ray{plate_.origin, plate_.RayAt(2 * i, 2 * j).normalized()};
         const Room::Found found = room_.Trace(ray);
         LightSample& s = At(i, j);
         const Vector3d p = ray.origin + found.range_m * ray.direction;
@@ -295,7 +274,7 @@ class PlateRenderer {
       const int x = static_cast<int>(0.5 * us);
       const int y = static_cast<int>(0.5 * vs);
       const bool one_face = OnOneFace(x, y);
-      Ray ray{plate_.origin, RayAt(us, vs)};
+      Ray ray{plate_.origin, plate_.RayAt(us, vs)};
       Room::Found found;
       Vector3d p;
       if (one_face) {
@@ -346,7 +325,6 @@ class PlateRenderer {
     }
   }
 
-  static double Sq(double x) { return x * x; }
   LightSample& At(int i, int j) { return samples_[static_cast<std::size_t>(j * grid_width_ + i)]; }
   const LightSample& At(int i, int j) const {
     return samples_[static_cast<std::size_t>(j * grid_width_ + i)];
@@ -354,8 +332,8 @@ class PlateRenderer {
 
   const Room& room_;
   const RoomLight& light_;
-  const Rig& rig_;
-  const RigidTransform T_world_color_;
+  const PlateLens& lens_;
+  const RigidTransform T_world_camera_;
   RoomPlate plate_;
   int grid_width_ = 0, grid_height_ = 0;
   std::vector<LightSample> samples_;
@@ -363,9 +341,24 @@ class PlateRenderer {
 
 }  // namespace
 
-RoomPlate RenderRoomPlate(const Room& room, const RoomLight& light, const Rig& rig,
-                          const RigidTransform& T_world_color) {
-  return PlateRenderer(room, light, rig, T_world_color).Run();
+Vector3d RoomPlate::RayAt(double u, double v) const {
+  const int x = std::clamp(static_cast<int>(std::floor(u)), 0, padded_width - 2);
+  const int y = std::clamp(static_cast<int>(std::floor(v)), 0, padded_height - 2);
+  const double fu = u - x;
+  const double fv = v - y;
+  Vector3d at;
+  for (int c = 0; c < 3; ++c) {
+    const cv::Mat1f& plane = ray[c];
+    const double low = plane(y, x) + fu * (plane(y, x + 1) - plane(y, x));
+    const double high = plane(y + 1, x) + fu * (plane(y + 1, x + 1) - plane(y + 1, x));
+    at[c] = low + fv * (high - low);
+  }
+  return at;
+}
+
+RoomPlate RenderRoomPlate(const Room& room, const RoomLight& light, const PlateLens& lens,
+                          const RigidTransform& T_world_camera) {
+  return PlateRenderer(room, light, lens, T_world_camera).Run();
 }
 
 }  // namespace mixstage

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "proto/base/check.h"
+#include "proto/synthetic/board_view.h"
 #include "proto/synthetic/figure_view.h"
 #include "proto/synthetic/rig.h"
 #include "proto/synthetic/tof_view.h"
@@ -22,15 +23,47 @@ struct SyntheticScene::Impl {
         T_world_color(SyntheticTWorldColor(rig)),
         light(room),
         figure_light(light),
-        tape(config.seed),
-        color(room, light, rig, T_world_color) {
-    if (rig.depth) tof.emplace(room, rig, T_world_color);
+        tape(config.seed) {
     figure_light.At(Vector2d(3.5, 0), empty_light);
+    Color();
+    if (rig.depth) Tof();
+  }
+
+  // The cameras' views of the empty room from here, rendered where they are asked for first: each by its own
+  // thread.
+  ColorView& Color() {
+    if (color) return *color;
+    const PlateLens lens = ColorLens(rig);
+    if (boards.empty()) {
+      // A head that shows the set keeps no plate beside its pictures.
+      return color.emplace(RenderRoomPlate(room, light, lens, T_world_color), rig.color, T_world_color);
+    }
+    if (!bare_color) bare_color = RenderRoomPlate(room, light, lens, T_world_color);
+    return color.emplace(WithBoards(*bare_color), rig.color, T_world_color);
+  }
+  TofView& Tof() {
+    MIX_CHECK(rig.depth.has_value());
+    if (!tof) tof.emplace(room, boards, rig, T_world_color);
+    return *tof;
+  }
+  ColorView& Fisheye() {
+    MIX_CHECK(rig.fisheye.has_value());
+    if (fisheye) return *fisheye;
+    if (!bare_fisheye) {
+      bare_fisheye =
+          RenderRoomPlate(room, light, FisheyeLens(*rig.fisheye), T_world_color * rig.T_color_fisheye);
+    }
+    return fisheye.emplace(WithBoards(*bare_fisheye));
+  }
+  RoomPlate WithBoards(const RoomPlate& bare) const {
+    RoomPlate plate = CopyOf(bare);
+    DrawBoards(boards, room, light, plate);
+    return plate;
   }
 
   // The figure at a time; null while the set is empty.
   const Figure* FigureAt(double time_s, Figure& figure) const {
-    if (!Walk::Present(time_s)) return nullptr;
+    if (!config.figure || !Walk::Present(time_s)) return nullptr;
     PoseFigure(walk.At(time_s), figure);
     return &figure;
   }
@@ -68,7 +101,9 @@ struct SyntheticScene::Impl {
   FigureLight figure_light;
   NoiseTape tape;
   Walk walk;
-  ColorView color;
+  std::vector<StandingBoard> boards;
+  std::optional<RoomPlate> bare_color, bare_fisheye;  // of this pose, without boards, where they were needed
+  std::optional<ColorView> color, fisheye;
   std::optional<TofView> tof;
   BodyLight empty_light{}, body_light{};
   Figure color_figure, tof_figure;  // one for each of the two threads that may render
@@ -88,26 +123,56 @@ Result<SyntheticScene> SyntheticScene::Create(const Rig& rig, const SyntheticCon
       return Fail(ErrorCode::kInvalidConfig, "synthetic rig: cameras.depth." + ok.error().message);
     }
   }
+  if (rig.fisheye) {
+    if (auto ok = rig.fisheye->Validate(); !ok) {
+      return Fail(ErrorCode::kInvalidConfig, "synthetic rig: cameras.fisheye." + ok.error().message);
+    }
+  }
   return SyntheticScene(std::make_unique<Impl>(rig, config));
+}
+
+void SyntheticScene::Arrange(double pan_deg, double tilt_deg, std::vector<StandingBoard> boards) {
+  const RigidTransform T_world_color = SyntheticTWorldColor(impl_->rig, pan_deg, tilt_deg);
+  if (!(T_world_color.matrix() == impl_->T_world_color.matrix())) {
+    impl_->T_world_color = T_world_color;
+    impl_->bare_color.reset();
+    impl_->bare_fisheye.reset();
+  } else if (boards.empty() && impl_->boards.empty()) {
+    return;
+  }
+  impl_->boards = std::move(boards);
+  impl_->color.reset();
+  impl_->tof.reset();
+  impl_->fisheye.reset();
 }
 
 void SyntheticScene::RenderColor(double time_s, YuvImage& out) {
   const Figure* figure = impl_->FigureAt(time_s, impl_->color_figure);
   if (figure != nullptr) impl_->figure_light.At(impl_->walk.At(time_s).body, impl_->body_light);
-  impl_->color.Render(figure, figure != nullptr ? impl_->body_light : impl_->empty_light,
-                      Impl::FrameOf(time_s), impl_->tape, impl_->config.noise, out);
+  impl_->Color().Render(figure, figure != nullptr ? impl_->body_light : impl_->empty_light,
+                        Impl::FrameOf(time_s), impl_->tape, impl_->config.noise, out);
 }
 
 void SyntheticScene::RenderTof(double time_s, cv::Mat1w& range, cv::Mat1w& amplitude) {
-  MIX_CHECK(impl_->tof.has_value());
-  impl_->tof->Render(impl_->FigureAt(time_s, impl_->tof_figure), Impl::FrameOf(time_s), impl_->tape,
-                     impl_->config.noise, range, amplitude);
+  impl_->Tof().Render(impl_->FigureAt(time_s, impl_->tof_figure), Impl::FrameOf(time_s), impl_->tape,
+                      impl_->config.noise, range, amplitude);
+}
+
+void SyntheticScene::RenderFisheye(double time_s, YuvImage& out) {
+  constexpr std::uint32_t kFisheye = 0xf15e;  // its noise is not the colour camera's
+  impl_->Fisheye().Render(nullptr, impl_->empty_light, Mix(Impl::FrameOf(time_s), kFisheye), impl_->tape,
+                          impl_->config.noise, out);
 }
 
 Hit SyntheticScene::Trace(const Ray& ray, double time_s) const {
   const Room::Found found = impl_->room.Trace(ray);
   Hit hit{found.range_m, found.normal, found.surface,
           impl_->room.MaterialAt(found, ray.origin + found.range_m * ray.direction).albedo};
+  if (const auto met = MeetBoards(impl_->boards, ray, hit.range_m)) {
+    const StandingBoard& board = impl_->boards[met->board];
+    hit = {met->met.range_m, met->met.front ? board.FrontNormal() : Vector3d(-board.FrontNormal()),
+           Surface::kPaint, Eigen::Vector3f::Constant(board.AlbedoAt(met->met))};
+  }
   Figure figure;
   if (impl_->FigureAt(time_s, figure) == nullptr) return hit;
   int part = 0;
@@ -145,6 +210,7 @@ cv::Mat1f SyntheticScene::TruthDepth(SyntheticCamera camera, double time_s) cons
         const Vector3d d(n->x(), n->y(), 1);
         const Ray ray{T_world_camera.translation(), (T_world_camera.linear() * d).normalized()};
         double range_m = impl_->room.Trace(ray).range_m;
+        if (const auto met = MeetBoards(impl_->boards, ray, range_m)) range_m = met->met.range_m;
         int part = 0;
         if (present != nullptr && u >= view.u0 && u <= view.u1 && v >= view.v0 && v <= view.v1) {
           range_m = std::min(range_m, Impl::FigureRange(figure, ray, part));
@@ -192,7 +258,7 @@ cv::Mat1b SyntheticScene::TruthLabel(double time_s) {
   const Figure* figure = impl_->FigureAt(time_s, impl_->color_figure);
   if (figure == nullptr) return label;
   impl_->figure_light.At(impl_->walk.At(time_s).body, impl_->body_light);
-  const cv::Mat1f left = impl_->color.LightLeft(*figure, impl_->body_light);
+  const cv::Mat1f left = impl_->Color().LightLeft(*figure, impl_->body_light);
   const cv::Mat1b matte = TruthMatte(time_s);
   for (int v = 0; v < label.rows; ++v) {
     for (int u = 0; u < label.cols; ++u) {
@@ -208,7 +274,7 @@ const Rig& SyntheticScene::rig() const { return impl_->rig; }
 const Room& SyntheticScene::room() const { return impl_->room; }
 
 std::optional<WalkState> SyntheticScene::FigureState(double time_s) const {
-  if (!Walk::Present(time_s)) return std::nullopt;
+  if (!impl_->config.figure || !Walk::Present(time_s)) return std::nullopt;
   return impl_->walk.At(time_s);
 }
 

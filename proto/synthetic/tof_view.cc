@@ -39,15 +39,16 @@ float TofView::RangeNoise_m(float light) {
   return std::min(kScale_m * std::sqrt(kAmbient + light) / std::max(light, 1e-5f), 1.5f);
 }
 
-TofView::TofView(const Room& room, const Rig& rig, const RigidTransform& T_world_color) {
+TofView::TofView(const Room& room, const std::vector<StandingBoard>& boards, const Rig& rig,
+                 const RigidTransform& T_world_color) {
   MIX_CHECK(rig.depth.has_value());
   camera_ = *rig.depth;
   T_world_depth_ = rig.registered ? T_world_color : T_world_color * rig.T_color_depth;
   radians_per_m_ = static_cast<float>(kTwoPi / camera_.unambiguous_range_m.value_or(kUnwrappedTurn_m));
-  TraceRoom(room);
+  TraceRoom(room, boards);
 }
 
-void TofView::TraceRoom(const Room& room) {
+void TofView::TraceRoom(const Room& room, const std::vector<StandingBoard>& boards) {
   const PinholeCamera& c = camera_.camera;
   const auto pixels = static_cast<std::size_t>(c.width) * static_cast<std::size_t>(c.height);
   for (auto& plane : ray_) plane.assign(pixels * kRays, 0);
@@ -67,8 +68,10 @@ void TofView::TraceRoom(const Room& room) {
         if (!center) continue;  // stays without light: no measurement
         const Vector3d axis = R * Vector3d(center->x(), center->y(), 1);
         z_per_range_[pixel] = static_cast<float>(1 / axis.norm());
-        room_range_m_[pixel] =
-            static_cast<float>(room.Trace({T_world_depth_.translation(), axis.normalized()}).range_m);
+        const Ray central{T_world_depth_.translation(), axis.normalized()};
+        double nearest_m = room.Trace(central).range_m;
+        if (const auto hit = MeetBoards(boards, central, nearest_m)) nearest_m = hit->met.range_m;
+        room_range_m_[pixel] = static_cast<float>(nearest_m);
         float re = 0;
         float im = 0;
         for (std::size_t k = 0; k < kRays; ++k) {
@@ -80,10 +83,19 @@ void TofView::TraceRoom(const Room& room) {
           const Ray ray{T_world_depth_.translation(), d.normalized()};
           const Room::Found found = room.Trace(ray);
           const Vector3d p = ray.origin + found.range_m * ray.direction;
-          const float albedo = InfraredAlbedo(found.surface, room.MaterialAt(found, p).albedo);
-          const double light =
-              albedo * std::abs(found.normal.dot(ray.direction)) / (found.range_m * found.range_m);
-          const double phase = found.range_m * radians_per_m_;
+          double range_m = found.range_m;
+          Vector3d normal = found.normal;
+          float albedo = 0;
+          if (const auto hit = MeetBoards(boards, ray, found.range_m)) {
+            const StandingBoard& board = boards[hit->board];
+            range_m = hit->met.range_m;
+            normal = board.FrontNormal();
+            albedo = InfraredAlbedo(Surface::kPaint, Eigen::Vector3f::Constant(board.AlbedoAt(hit->met)));
+          } else {
+            albedo = InfraredAlbedo(found.surface, room.MaterialAt(found, p).albedo);
+          }
+          const double light = albedo * std::abs(normal.dot(ray.direction)) / (range_m * range_m);
+          const double phase = range_m * radians_per_m_;
           room_re_[at] = static_cast<float>(light * std::cos(phase));
           room_im_[at] = static_cast<float>(light * std::sin(phase));
           re += room_re_[at];

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "proto/geometry/rig.h"
+#include "proto/synthetic/checkerboard.h"
 #include "proto/synthetic/color_view.h"
 
 namespace mixstage {
@@ -16,7 +17,8 @@ namespace mixstage {
 class TofView {
  public:
   // rig.depth must be there (checked).
-  TofView(const Room& room, const Rig& rig, const RigidTransform& T_world_color);
+  TofView(const Room& room, const std::vector<StandingBoard>& boards, const Rig& rig,
+          const RigidTransform& T_world_color);
 
   // range [h x w] counts of rig.depth.unit_m, 0 = no measurement; amplitude [h x w] counts. figure: null =
   // empty set. Allocates nothing once the pictures have their size. One thread at a time.
@@ -33,7 +35,7 @@ class TofView {
     float reported_m = 0;  // without noise and wrap, systematic error included
     float light = 0;       // albedo cos / r^2
   };
-  void TraceRoom(const Room& room);
+  void TraceRoom(const Room& room, const std::vector<StandingBoard>& boards);
   [[nodiscard]] Pixel Measure(float re, float im, float nearest_turn_m, std::size_t pixel) const;
 
   DepthCamera camera_;
