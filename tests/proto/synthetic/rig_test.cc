@@ -3,17 +3,18 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "proto/synthetic/room_plan.h"
 
 namespace mixstage {
 namespace {
 
-TEST(SyntheticRig, IsTheDemonstrationsRigFile) {
-  const auto loaded = LoadRig(std::string(MIXSTAGE_SOURCE_DIR) + "/deploy/demo/rig.json");
+void ExpectSame(const char* name, const Rig& code) {
+  const auto loaded = LoadRig(std::string(MIXSTAGE_SOURCE_DIR) + "/deploy/demo/" + name);
   ASSERT_TRUE(loaded.has_value()) << loaded.error().message;
   EXPECT_TRUE(loaded->warnings.empty()) << loaded->warnings.front();
   const Rig& file = loaded->rig;
-  const Rig code = SyntheticRig();
   EXPECT_EQ(file.color, code.color);
   EXPECT_EQ(file.vignetting_a, code.vignetting_a);
   EXPECT_EQ(file.vignetting_b, code.vignetting_b);
@@ -24,11 +25,33 @@ TEST(SyntheticRig, IsTheDemonstrationsRigFile) {
   EXPECT_EQ(file.depth->unambiguous_range_m, code.depth->unambiguous_range_m);
   EXPECT_EQ(file.depth->range_error, code.depth->range_error);
   EXPECT_TRUE(file.T_color_depth.isApprox(code.T_color_depth, 1e-9));
+  ASSERT_TRUE(file.fisheye.has_value());
+  FisheyeCamera fisheye = *file.fisheye;
+  EXPECT_NEAR(fisheye.max_angle_rad, code.fisheye->max_angle_rad, 1e-9);
+  fisheye.max_angle_rad = code.fisheye->max_angle_rad;
+  EXPECT_EQ(fisheye, *code.fisheye);
+  EXPECT_TRUE(file.T_color_fisheye.isApprox(code.T_color_fisheye, 1e-9));
   EXPECT_EQ(file.registered, code.registered);
   ASSERT_TRUE(file.ptu.has_value());
   for (const double pan_deg : {0.0, 30.0}) {
     EXPECT_TRUE(file.ptu->TWorldColor(pan_deg, -5).isApprox(code.ptu->TWorldColor(pan_deg, -5), 1e-9));
   }
+}
+
+TEST(SyntheticRig, IsTheDemonstrationsRigFile) {
+  ExpectSame("rig.json", SyntheticRig());
+  ExpectSame("nominal.json", SyntheticNominalRig());
+}
+
+TEST(SyntheticRig, StartsCalibrationNearTheTruthButNotAtIt) {
+  const Rig nominal = SyntheticNominalRig();
+  const Rig truth = SyntheticRig();
+  EXPECT_NEAR(nominal.color.fx / truth.color.fx, 1, 0.03);
+  EXPECT_GT(std::abs(nominal.color.fx / truth.color.fx - 1), 0.005);
+  const Eigen::Vector3d nominal_axis = nominal.ptu->TWorldColor(25, 10).linear().col(2);
+  const Eigen::Vector3d true_axis = truth.ptu->TWorldColor(25, 10).linear().col(2);
+  EXPECT_LT(std::acos(nominal_axis.dot(true_axis)) * 180 / M_PI, 1.5);
+  EXPECT_GT(std::acos(nominal_axis.dot(true_axis)) * 180 / M_PI, 0.1);
 }
 
 TEST(SyntheticRig, LooksDownIntoTheRoomFromEyeHeight) {
