@@ -10,6 +10,7 @@
 
 #include "capture_agent/agent.h"
 #include "capture_agent/sources/synthetic_source.h"
+#include "capture_agent/sources/synthetic_views.h"
 #include "capture_agent/sources/take_source.h"
 #include "proto/base/log.h"
 #include "proto/base/version.h"
@@ -19,7 +20,7 @@ namespace {
 
 struct Options {
   std::string source, rig_file, lcm_url = kDefaultLcmUrl, rate = "real", log_level = "info", name = "head-1",
-                                record;
+                                record, views;
   bool loop = false;
   double parity = kDefaultParity;
 };
@@ -44,6 +45,24 @@ Result<std::unique_ptr<Source>> OpenSource(const Options& options, Pace pace) {
   return Fail(ErrorCode::kInvalidConfig, "--source " + options.source + " is neither take:DIR nor synthetic");
 }
 
+// Writes the views and ends: nothing is published.
+Status RecordViews(const Options& options) {
+  if (options.source != "synthetic")
+    return Fail(ErrorCode::kInvalidConfig, "--views: only --source synthetic knows its own views");
+  if (options.record.empty())
+    return Fail(ErrorCode::kInvalidConfig, "--views needs --record DIR, the folder to write");
+  std::optional<Rig> rig;
+  if (!options.rig_file.empty()) {
+    auto loaded = LoadRig(options.rig_file);
+    if (!loaded) return tl::unexpected(loaded.error());
+    rig = loaded->rig;
+  }
+  const SyntheticViews views = options.views == "calibration" ? SyntheticViews::kCalibration
+                               : options.views == "hand-eye"  ? SyntheticViews::kHandEye
+                                                              : SyntheticViews::kScan;
+  return WriteSyntheticViews(views, rig, options.record);
+}
+
 // The rig.json that a recording gets: the one given, or the played take's.
 std::optional<std::filesystem::path> RigFile(const Options& options) {
   if (!options.rig_file.empty()) return options.rig_file;
@@ -54,6 +73,7 @@ std::optional<std::filesystem::path> RigFile(const Options& options) {
 
 Status Run(const Options& options) {
   if (auto ok = StartLog("mixstage-agent", options.log_level); !ok) return ok;
+  if (!options.views.empty()) return RecordViews(options);
   // Signals are taken by one thread that waits for them; blocked before any other thread starts.
   sigset_t signals;
   sigemptyset(&signals);
@@ -114,6 +134,9 @@ int main(int argc, char** argv) {
   app.add_option("--rig", options.rig_file,
                  "rig.json: whose cameras see the synthetic room; goes beside a recording");
   app.add_option("--record", options.record, "folder to record into (a new take), while publishing");
+  app.add_option("--views", options.views,
+                 "synthetic: record what calibrate and scan take into --record DIR, then end")
+      ->check(CLI::IsMember({"calibration", "hand-eye", "scan"}));
   app.add_option("--lcm", options.lcm_url, "LCM URL")->capture_default_str();
   app.add_option(
          "--parity", options.parity,
@@ -125,7 +148,8 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.footer(
       "Examples:\n  mixstage-agent --source synthetic\n  mixstage-agent --source take:recordings/monday "
-      "--loop");
+      "--loop\n  "
+      "mixstage-agent --source synthetic --views calibration --record views/calibration");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

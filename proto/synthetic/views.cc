@@ -76,10 +76,10 @@ std::vector<SyntheticView> CalibrationViews(const Rig& rig) {
   std::vector<SyntheticView> views;
   const RigidTransform T_world_color = SyntheticTWorldColor(rig);
   const PinholeCamera& c = rig.color;
-  auto add = [&](const Vector3d& center, const Vector3d& viewer, const Turn& turn, bool fisheye_alone) {
+  auto add = [&](const Vector3d& center, const Vector3d& viewer, const Turn& turn, RecordedBy by) {
     SyntheticView view;
     view.boards.push_back({kBoardA, Facing(kBoardA, center, viewer, turn)});
-    view.fisheye_alone = fisheye_alone;
+    view.recorded_by = by;
     views.push_back(std::move(view));
   };
   for (const ColorPlace& place : kColorPlaces) {
@@ -93,7 +93,8 @@ std::vector<SyntheticView> CalibrationViews(const Rig& rig) {
     const double theta = place.from_axis_deg * kRadPerDeg;
     const double phi = place.around_deg * kRadPerDeg;
     const Vector3d ray(std::sin(theta) * std::cos(phi), std::sin(theta) * std::sin(phi), std::cos(theta));
-    add(T_world_fisheye * (place.distance_m * ray), T_world_fisheye.translation(), place.turn, true);
+    add(T_world_fisheye * (place.distance_m * ray), T_world_fisheye.translation(), place.turn,
+        RecordedBy::kFisheye);
   }
   return views;
 }
@@ -113,7 +114,8 @@ std::vector<SyntheticView> HandEyeViews(const Rig& rig) {
   constexpr double kPositions[][2] = {{0, 0},   {-16, 10}, {-26, 2}, {-24, -10}, {-10, -8}, {4, 14},
                                       {14, -9}, {24, 8},   {26, -4}, {10, 10},   {-4, -12}, {18, 15}};
   std::vector<SyntheticView> views;
-  for (const auto& [pan_deg, tilt_deg] : kPositions) views.push_back({pan_deg, tilt_deg, boards, false});
+  for (const auto& [pan_deg, tilt_deg] : kPositions)
+    views.push_back({pan_deg, tilt_deg, boards, RecordedBy::kColorAndDepth});
   return views;
 }
 
@@ -137,7 +139,7 @@ std::vector<SyntheticView> ViewsOf(SyntheticViews views, const Rig& rig) {
   const auto grid = SweepGrid(rig, {});
   MIX_CHECK(grid.has_value());
   std::vector<SyntheticView> scan;
-  for (const HeadPosition& at : *grid) scan.push_back({at.pan_deg, at.tilt_deg, {}, false});
+  for (const HeadPosition& at : *grid) scan.push_back({at.pan_deg, at.tilt_deg, {}, RecordedBy::kAll});
   return scan;
 }
 

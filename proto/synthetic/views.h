@@ -16,10 +16,16 @@ enum class SyntheticViews {
   kScan,             // the empty room, 120 x 100 degrees
 };
 
+enum class RecordedBy {
+  kAll = 1,
+  kColorAndDepth,
+  kFisheye,  // the board is beside the other cameras' pictures
+};
+
 struct SyntheticView {
   double pan_deg = 0, tilt_deg = 0;  // encoder angles, without their noise
   std::vector<StandingBoard> boards;
-  bool fisheye_alone = false;  // the board is beside the other cameras' pictures
+  RecordedBy recorded_by = RecordedBy::kAll;
 };
 
 // Kinds of boards in these views: what board.json lists. Empty for a scan.
