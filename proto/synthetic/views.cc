@@ -85,7 +85,7 @@ std::vector<SyntheticView> CalibrationViews(const Rig& rig) {
   for (const ColorPlace& place : kColorPlaces) {
     const Vector3d ray(place.u * 0.5 * c.width / c.fx, place.v * 0.5 * c.height / c.fy, 1);
     add(T_world_color * (place.distance_m * ray.normalized()), T_world_color.translation(), place.turn,
-        false);
+        RecordedBy::kAll);
   }
   if (!rig.fisheye) return views;
   const RigidTransform T_world_fisheye = T_world_color * rig.T_color_fisheye;
