@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/environment/surface_fit.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <span>
+
+#include "proto/base/check.h"
+
+namespace mixstage {
+namespace {
+
+constexpr int kRadius = 4;             // nodes: what one node learns from
+constexpr float kSpatialSigma = 2.2f;  // nodes
+constexpr float kCut2 = 9;             // squared residual in sigmas from which a node is of another surface
+constexpr float kOwn = 3.5f;           // sigmas a plane may miss the node's own depth
+constexpr int kPasses = 4;
+
+// What a node sees around it.
+struct Neighbor {
+  int index = 0;
+  float weight = 0;
+};
+
+class Fitter {
+ public:
+  Fitter(SurfaceNodes& nodes, const std::vector<Eigen::Vector3f>& color) : n_(nodes), color_(color) {
+    MIX_CHECK(color.empty() || color.size() == n_.ray.size());
+    for (int dy = -kRadius; dy <= kRadius; ++dy) {
+      for (int dx = -kRadius; dx <= kRadius; ++dx) {
+        const auto d2 = static_cast<float>(dx * dx + dy * dy);
+        spatial_[static_cast<std::size_t>((dy + kRadius) * (2 * kRadius + 1) + dx + kRadius)] =
+            std::exp(-d2 / (2 * kSpatialSigma * kSpatialSigma));
+      }
+    }
+  }
+
+  void Run() {
+    const std::size_t count = n_.ray.size();
+    supported_.assign(count, 0);
+    plane_.assign(count, Eigen::Vector3f::Zero());
+    Rows([&](int x, int y) { Start(x, y); });
+    for (std::size_t i = 0; i < count; ++i)
+      if (n_.room_plane[i] < 0) n_.plane[i] = plane_[i];
+    plane_ = n_.plane;
+    for (int pass = 0; pass < kPasses; ++pass) {
+      Rows([&](int x, int y) { Improve(x, y, pass); });
+      n_.plane.swap(plane_);
+    }
+  }
+
+ private:
+  template <typename F>
+  void Rows(F&& f) {
+    cv::parallel_for_({0, n_.height}, [&](const cv::Range& rows) {
+      for (int y = rows.start; y < rows.end; ++y)
+        for (int x = 0; x < n_.width; ++x) f(x, y);
+    });
+  }
+
+  std::size_t Around(int x, int y, int radius, std::array<Neighbor, 81>& around) const {
+    const auto i = static_cast<std::size_t>(y * n_.width + x);
+    std::size_t count = 0;
+    for (int dy = -radius; dy <= radius; ++dy) {
+      for (int dx = -radius; dx <= radius; ++dx) {
+        const int at = n_.At(x + dx, y + dy);
+        if (at < 0 || n_.inverse_range[static_cast<std::size_t>(at)] == 0) continue;
+        if (n_.room_plane[static_cast<std::size_t>(at)] >= 0) continue;
+        float weight = spatial_[static_cast<std::size_t>((dy + kRadius) * (2 * kRadius + 1) + dx + kRadius)];
+        if (!color_.empty()) {
+          // Luminance counts in ratios: light falls off over one wall, too.
+          constexpr float kColorSigma = 0.12f;
+          const float d2 = (color_[static_cast<std::size_t>(at)] - color_[i]).squaredNorm();
+          weight *= 0.15f + 0.85f * std::exp(-d2 / (2 * kColorSigma * kColorSigma));
+        }
+        around[count++] = {at, weight};
+      }
+    }
+    return count;
+  }
+
+  float Residual2(const Eigen::Vector3f& m, int at) const {
+    const auto j = static_cast<std::size_t>(at);
+    const float e = (m.dot(n_.ray[j]) - n_.inverse_range[j]) / n_.sigma[j];
+    return e * e;
+  }
+
+  float Cost(const Eigen::Vector3f& m, std::span<const Neighbor> around) const {
+    float cost = 0;
+    for (const Neighbor& j : around) cost += j.weight * std::min(Residual2(m, j.index), kCut2);
+    return cost;
+  }
+
+  // Least squares over the nodes that lie on m (all, where m is zero), held softly at the node's own frontal plane:
+  // a strip of nodes does not determine a slant.
+  Eigen::Vector3f Fit(const Eigen::Vector3f& m, std::span<const Neighbor> around, std::size_t own) const {
+    Eigen::Matrix3f A = Eigen::Matrix3f::Zero();
+    Eigen::Vector3f b = Eigen::Vector3f::Zero();
+    const bool all = m.isZero();
+    // Coordinates about the node's own ray: (ray - own ray) is small, single precision stays exact enough.
+    for (const Neighbor& j : around) {
+      if (!all && Residual2(m, j.index) > kCut2) continue;
+      const auto k = static_cast<std::size_t>(j.index);
+      const float weight = j.weight / (n_.sigma[k] * n_.sigma[k]);
+      A += weight * n_.ray[k] * n_.ray[k].transpose();
+      b += weight * n_.inverse_range[k] * n_.ray[k];
+    }
+    const Eigen::Vector3f& ray = n_.ray[own];
+    const float level = A.trace() > 0 ? ray.dot(b) / std::max(ray.dot(A * ray), 1e-12f) : 0;
+    const Eigen::Vector3f frontal = level * ray;
+    // A slant of tan = 3 is one sigma.
+    const float hold = 1 / std::max(9 * level * level, 1e-6f);
+    A.diagonal().array() += hold;
+    b += hold * frontal;
+    return A.ldlt().solve(b);
+  }
+
+  void Start(int x, int y) {
+    const auto i = static_cast<std::size_t>(y * n_.width + x);
+    if (n_.inverse_range[i] == 0 || n_.room_plane[i] >= 0) return;
+    std::array<Neighbor, 81> buffer;
+    const std::size_t count = Around(x, y, 2, buffer);
+    const std::span<const Neighbor> around(buffer.data(), count);
+    int agree = 0;
+    for (int dy = -1; dy <= 1; ++dy) {
+      for (int dx = -1; dx <= 1; ++dx) {
+        const int at = n_.At(x + dx, y + dy);
+        if (at < 0 || at == static_cast<int>(i)) continue;
+        const auto j = static_cast<std::size_t>(at);
+        if (n_.inverse_range[j] == 0) continue;
+        agree += std::abs(n_.inverse_range[j] - n_.inverse_range[i]) < 3 * std::hypot(n_.sigma[i], n_.sigma[j]);
+      }
+    }
+    supported_[i] = agree >= 2;
+    // Frontal first, then twice with what lies on it.
+    Eigen::Vector3f m = Fit(Eigen::Vector3f::Zero(), around, i);
+    for (int k = 0; k < 2; ++k) m = Fit(m, around, i);
+    plane_[i] = m;
+  }
+
+  void Improve(int x, int y, int pass) {
+    const auto i = static_cast<std::size_t>(y * n_.width + x);
+    if (n_.inverse_range[i] == 0 || n_.room_plane[i] >= 0) return;
+    std::array<Neighbor, 81> buffer;
+    const std::size_t count = Around(x, y, kRadius, buffer);
+    const std::span<const Neighbor> around(buffer.data(), count);
+    Eigen::Vector3f best = n_.plane[i];
+    auto allowed = [&](const Eigen::Vector3f& m) {
+      return m.dot(n_.ray[i]) > 0 && (!supported_[i] || Residual2(m, static_cast<int>(i)) < kOwn * kOwn);
+    };
+    float best_cost = allowed(best) ? Cost(best, around) : std::numeric_limits<float>::max();
+    const int reach = pass == 0 ? 1 : pass == 1 ? 3 : 2;
+    for (int dy = -1; dy <= 1; ++dy) {
+      for (int dx = -1; dx <= 1; ++dx) {
+        if (dx == 0 && dy == 0) continue;
+        const int at = n_.At(x + reach * dx, y + reach * dy);
+        if (at < 0) continue;
+        if (n_.room_plane[static_cast<std::size_t>(at)] >= 0) continue;
+        const Eigen::Vector3f& m = n_.plane[static_cast<std::size_t>(at)];
+        if (m.isZero() || !allowed(m)) continue;
+        const float cost = Cost(m, around);
+        if (cost < best_cost) {
+          best_cost = cost;
+          best = m;
+        }
+      }
+    }
+    const Eigen::Vector3f refit = Fit(best, around, i);
+    if (allowed(refit) && Cost(refit, around) < best_cost) best = refit;
+    plane_[i] = best;
+  }
+
+  SurfaceNodes& n_;
+  const std::vector<Eigen::Vector3f>& color_;
+  std::array<float, 81> spatial_{};
+  std::vector<std::uint8_t> supported_;
+  std::vector<Eigen::Vector3f> plane_;
+};
+
+}  // namespace
+
+SurfaceNodes MakeNodes(const FusedDepth& fused, const PanoramaGrid& grid, float pitch_rad) {
+  SurfaceNodes nodes;
+  nodes.step = std::max(1, static_cast<int>(std::lround(pitch_rad / grid.step_rad())));
+  nodes.width = (grid.width() + nodes.step - 1) / nodes.step;
+  nodes.height = (grid.height() + nodes.step - 1) / nodes.step;
+  nodes.closed = grid.closed() && grid.width() % nodes.step == 0;
+  const std::size_t count = static_cast<std::size_t>(nodes.width) * static_cast<std::size_t>(nodes.height);
+  nodes.ray.resize(count);
+  nodes.inverse_range.assign(count, 0);
+  nodes.sigma.assign(count, 0);
+  nodes.plane.assign(count, Eigen::Vector3f::Zero());
+  nodes.room_plane.assign(count, -1);
+  for (int y = 0; y < nodes.height; ++y) {
+    for (int x = 0; x < nodes.width; ++x) {
+      const auto i = static_cast<std::size_t>(y * nodes.width + x);
+      const int cx = std::min(x * nodes.step + nodes.step / 2, grid.width() - 1);
+      const int cy = std::min(y * nodes.step + nodes.step / 2, grid.height() - 1);
+      nodes.ray[i] = grid.Ray(cx, cy);
+      float center = fused.inverse_range(cy, cx), center_sigma = fused.sigma(cy, cx);
+      if (center == 0) continue;
+      Eigen::Vector3f ray = Eigen::Vector3f::Zero();
+      float sum = 0;
+      int have = 0;
+      for (int v = y * nodes.step; v < std::min((y + 1) * nodes.step, grid.height()); ++v) {
+        for (int u = x * nodes.step; u < std::min((x + 1) * nodes.step, grid.width()); ++u) {
+          const float value = fused.inverse_range(v, u);
+          if (value == 0 || std::abs(value - center) > 3 * std::hypot(center_sigma, fused.sigma(v, u))) continue;
+          sum += value;
+          ray += grid.Ray(u, v);
+          ++have;
+        }
+      }
+      nodes.ray[i] = ray / static_cast<float>(have);
+      nodes.inverse_range[i] = sum / static_cast<float>(have);
+      nodes.sigma[i] = center_sigma;
+    }
+  }
+  return nodes;
+}
+
+void FitPlanes(SurfaceNodes& nodes, const std::vector<Eigen::Vector3f>& color) { Fitter(nodes, color).Run(); }
+
+}  // namespace mixstage
