@@ -11,6 +11,7 @@
 #include "server/app/config.h"
 #include "server/app/process.h"
 #include "server/app/run.h"
+#include "server/app/scan.h"
 #include "server/scene/model_process.h"
 #include "server/scene/scene_file.h"
 
@@ -122,6 +123,18 @@ int Process(const ProcessFlags& f) {
   return 0;
 }
 
+struct ScanFlags {
+  std::string views, rig, out;
+  bool json = false;
+};
+
+int Scan(const ScanFlags& f) {
+  auto report = RunScan({.views = f.views, .rig = f.rig, .out = f.out, .silent = f.json});
+  if (!report) return Report(report.error());
+  if (f.json) std::fputs(report->c_str(), stdout);
+  return 0;
+}
+
 struct CheckFlags {
   std::string config, rig, scene;
 };
@@ -223,6 +236,19 @@ int main(int argc, char** argv) {
       "Example: mixstage-server process --take monday --scene scene.yaml --out out --export "
       "composite,depth,alpha");
 
+  ScanFlags scan;
+  CLI::App* scan_command = app.add_subcommand("scan", "a sweep of the head to a textured model of the room");
+  scan_command
+      ->add_option("--views", scan.views,
+                   "capture folder of the sweep: colour, depth, ptu.txt (or groundtruth.txt)")
+      ->required();
+  scan_command->add_option(
+      "--rig", scan.rig,
+      "rig.json of mixstage-server calibrate (default: the folder's, or the one a folder up)");
+  scan_command->add_option("--out", scan.out, "environment folder to write")->required();
+  scan_command->add_flag("--json", scan.json, "print report.json, no progress");
+  scan_command->footer("Example: mixstage-server scan --views sweep --rig rig.json --out room");
+
   CheckFlags check;
   CLI::App* check_command =
       app.add_subcommand("check", "says whether a file is good, or what is wrong with it");
@@ -246,5 +272,6 @@ int main(int argc, char** argv) {
   }
   if (run_command->parsed()) return Run(run);
   if (process_command->parsed()) return Process(process);
+  if (scan_command->parsed()) return Scan(scan);
   return Check(check);
 }

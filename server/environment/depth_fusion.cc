@@ -38,7 +38,8 @@ void DrawTriangle(const std::array<const Corner*, 3>& c, bool torn, PanoramaPatc
   for (int y = std::max(0, static_cast<int>(std::ceil(min_y))); y <= y_end; ++y) {
     for (int x = std::max(0, static_cast<int>(std::ceil(min_x))); x <= x_end; ++x) {
       const Eigen::Vector2f p(static_cast<float>(x) - a.x(), static_cast<float>(y) - a.y());
-      const float w1 = (p.x() * ac.y() - p.y() * ac.x()) / area, w2 = (ab.x() * p.y() - ab.y() * p.x()) / area;
+      const float w1 = (p.x() * ac.y() - p.y() * ac.x()) / area,
+                  w2 = (ab.x() * p.y() - ab.y() * p.x()) / area;
       const float w0 = 1 - w1 - w2;
       if (w0 < kEdge || w1 < kEdge || w2 < kEdge) continue;
       float inverse_range = 0, sigma = 0;
@@ -60,8 +61,8 @@ void DrawTriangle(const std::array<const Corner*, 3>& c, bool torn, PanoramaPatc
 
 }  // namespace
 
-PanoramaPatch SeeFromCenter(const RangeView& view, const RangeCamera& camera, const RigidTransform& T_world_depth,
-                            const PanoramaGrid& grid) {
+PanoramaPatch SeeFromCenter(const RangeView& view, const RangeCamera& camera,
+                            const RigidTransform& T_world_depth, const PanoramaGrid& grid) {
   const int w = view.range_m.cols, h = view.range_m.rows;
   MIX_CHECK(camera.ray.cols == w && camera.ray.rows == h);
   const Eigen::Vector3d center = grid.panorama().center;
@@ -91,14 +92,16 @@ PanoramaPatch SeeFromCenter(const RangeView& view, const RangeCamera& camera, co
   const int limit_x = grid.closed() ? 1 << 24 : grid.width() - 1;
   patch.x0 = std::max(grid.closed() ? -limit_x : 0, static_cast<int>(std::ceil(least.x())));
   patch.y0 = std::max(0, static_cast<int>(std::ceil(least.y())));
-  const int x1 = std::min({limit_x, static_cast<int>(most.x()), patch.x0 + static_cast<int>(grid.turn_px()) - 1});
+  const int x1 =
+      std::min({limit_x, static_cast<int>(most.x()), patch.x0 + static_cast<int>(grid.turn_px()) - 1});
   const int y1 = std::min(grid.height() - 1, static_cast<int>(most.y()));
   if (x1 < patch.x0 || y1 < patch.y0) return patch;
   patch.inverse_range = cv::Mat1f::zeros(y1 - patch.y0 + 1, x1 - patch.x0 + 1);
   patch.sigma = cv::Mat1f::zeros(patch.inverse_range.size());
   const Eigen::Vector2f origin(static_cast<float>(patch.x0), static_cast<float>(patch.y0));
   for (Corner& corner : corners) corner.at -= origin;
-  const float widest = static_cast<float>(grid.turn_px() / 6);  // a cell across the zenith covers no such area
+  const float widest =
+      static_cast<float>(grid.turn_px() / 6);  // a cell across the zenith covers no such area
   for (int y = 0; y + 1 < h; ++y) {
     for (int x = 0; x + 1 < w; ++x) {
       const auto i = static_cast<std::size_t>(y * w + x);
@@ -171,7 +174,8 @@ FusedDepth Fuse(const std::vector<PanoramaPatch>& patches, const PanoramaGrid& g
         float sum = 0, weight = 0;
         int agree = 0;
         for (const Sight& s : seen) {
-          if (std::abs(s.inverse_range - seen[middle].inverse_range) > 3 * std::hypot(s.sigma, seen[middle].sigma))
+          if (std::abs(s.inverse_range - seen[middle].inverse_range) >
+              3 * std::hypot(s.sigma, seen[middle].sigma))
             continue;
           sum += s.weight * s.inverse_range;
           weight += s.weight;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// A panorama's projection by tables, for whole pictures: rays of its pixels, and pixels also beyond its edges.
+// A panorama's projection by tables, for whole pictures: rays of its pixels, and pixels also beyond its
+// edges.
 #pragma once
 
 #include <Eigen/Core>
@@ -25,8 +26,8 @@ class PanoramaGrid {
   // Unit vector in the world through a pixel's centre.
   [[nodiscard]] Eigen::Vector3f Ray(int x, int y) const {
     const float level = cos_elevation_[static_cast<std::size_t>(y)];
-    return {level * cos_azimuth_[static_cast<std::size_t>(x)], level * sin_azimuth_[static_cast<std::size_t>(x)],
-            sin_elevation_[static_cast<std::size_t>(y)]};
+    return {level * cos_azimuth_[static_cast<std::size_t>(x)],
+            level * sin_azimuth_[static_cast<std::size_t>(x)], sin_elevation_[static_cast<std::size_t>(y)]};
   }
   // Pixel of a direction, inside or not; of the columns that are a turn apart the one nearest to u_near.
   [[nodiscard]] Eigen::Vector2d PixelNear(const Eigen::Vector3d& direction, double u_near) const;

@@ -16,8 +16,8 @@ namespace {
 constexpr double kToSigma = 1.4826;  // of a median of absolute values
 constexpr float kNotOneSurface = 4;  // sigmas between neighbours, or between frames
 
-// What a count says, modulo the wrap; 0 = nothing. Corrected ranges come later: the error belongs to the unwrapped
-// reported range.
+// What a count says, modulo the wrap; 0 = nothing. Corrected ranges come later: the error belongs to the
+// unwrapped reported range.
 float Reported(std::uint16_t count, const RangeCamera& camera) {
   const auto metres = static_cast<float>(count * camera.unit_m);
   return camera.wrap_m > 0 && metres >= camera.wrap_m ? 0.f : metres;
@@ -50,7 +50,8 @@ std::vector<NoiseClass> Classes(std::vector<std::pair<double, double>>& x_and_de
       deviations.push_back(x_and_deviation[i].second);
       x += x_and_deviation[i].first;
     }
-    classes.push_back({x / static_cast<double>(each), Median(deviations) * to_sigma, static_cast<double>(each)});
+    classes.push_back(
+        {x / static_cast<double>(each), Median(deviations) * to_sigma, static_cast<double>(each)});
   }
   return classes;
 }
@@ -250,7 +251,8 @@ void ResolveWraps(cv::Mat1f& range_m, const cv::Mat1f& sigma_m, const cv::Mat1f&
       s.misfit[n] += std::abs(std::log(A * true_range * true_range / typical_return));
     }
   }
-  // A dark surface returns a fifth, a bright one facing us five times of what is typical; a wrap must explain more.
+  // A dark surface returns a fifth, a bright one facing us five times of what is typical; a wrap must explain
+  // more.
   constexpr double kPrior = 1.7;  // log units for each wrap
   for (int i = 0; i < w * h; ++i) {
     float& r = range_m(i / w, i % w);
@@ -259,7 +261,9 @@ void ResolveWraps(cv::Mat1f& range_m, const cv::Mat1f& sigma_m, const cv::Mat1f&
     const Surface& s = surfaces[static_cast<std::size_t>(root)];
     int more = 0;
     for (std::size_t n = 1; weigh && n < s.misfit.size(); ++n) {
-      const auto cost = [&](std::size_t k) { return s.misfit[k] / s.pixels + kPrior * static_cast<double>(k); };
+      const auto cost = [&](std::size_t k) {
+        return s.misfit[k] / s.pixels + kPrior * static_cast<double>(k);
+      };
       if (cost(n) < cost(static_cast<std::size_t>(more))) more = static_cast<int>(n);
     }
     const int all = (i == root ? 0 : turns[static_cast<std::size_t>(i)]) - s.least_turns + more;
@@ -281,10 +285,11 @@ void RemoveMixedPixels(cv::Mat1f& range_m, const cv::Mat1f& sigma_m) {
         const float noise_in = std::hypot(sigma_m(y, x), sigma_m(y - dy, x - dx));
         const float noise_out = std::hypot(sigma_m(y, x), sigma_m(y + dy, x + dx));
         if (in < kNotOneSurface * noise_in || out < kNotOneSurface * noise_out) continue;
-        auto step = [&](int k) {  // from (k) to (k + 1) along the line; 0 outside
+        auto step = [&](int k) {  // from (k) to (k + 1) along the line
           const int x0 = x + k * dx, y0 = y + k * dy, x1 = x0 + dx, y1 = y0 + dy;
           const cv::Rect all(0, 0, r.cols, r.rows);
-          if (!all.contains({x0, y0}) || !all.contains({x1, y1}) || r(y0, x0) == 0 || r(y1, x1) == 0) return 0.f;
+          if (!all.contains({x0, y0}) || !all.contains({x1, y1})) return std::max(in, out);
+          if (r(y0, x0) == 0 || r(y1, x1) == 0) return 0.f;
           return std::abs(r(y1, x1) - r(y0, x0));
         };
         if (step(-2) < kRampShare * in && step(1) < kRampShare * out) {
@@ -306,7 +311,7 @@ RangeView MakeRangeView(const RangeFrames& frames, const RangeCamera& camera, co
   view.sigma_m = cv::Mat1f::zeros(h, w);
   cv::Mat1f amplitude;
   if (noise.by_amplitude) amplitude = cv::Mat1f::zeros(h, w);
-  std::vector<float> r(n), A(n), kept(n);
+  std::vector<float> r(n), A(n);
   for (int y = 0; y < h; ++y) {
     for (int x = 0; x < w; ++x) {
       if (!std::isfinite(camera.ray(y, x)[2])) continue;
@@ -320,28 +325,30 @@ RangeView MakeRangeView(const RangeFrames& frames, const RangeCamera& camera, co
         A_sum += A[have++];
       }
       if (have == 0) continue;
-      // The sum of the frames' phasors, about the first: the most likely phase where each component has the same
-      // noise. A frame that contradicts it is left out.
-      std::fill(kept.begin(), kept.begin() + static_cast<std::ptrdiff_t>(have), 1.f);
-      float mean = 0, sigma = 0;
-      std::size_t inliers = have;
-      for (int pass = 0; pass < 2; ++pass) {
-        float sum = 0, weight = 0;
-        for (std::size_t k = 0; k < have; ++k) {
-          const float weight_k = kept[k] * std::max(A[k], 1e-3f);
-          sum += weight_k * Modular(r[k] - r[0], camera.wrap_m);
-          weight += weight_k;
+      // About the frame nearest to all others the sum of the phasors, the most likely phase where each
+      // component has the same noise; a frame that contradicts it is left out.
+      std::size_t middle = 0;
+      float least = std::numeric_limits<float>::max();
+      for (std::size_t k = 0; k < have; ++k) {
+        float apart = 0;
+        for (std::size_t j = 0; j < have; ++j) apart += std::abs(Modular(r[j] - r[k], camera.wrap_m));
+        if (apart < least) {
+          least = apart;
+          middle = k;
         }
-        if (weight <= 0) break;
-        mean = r[0] + sum / weight;
-        sigma = noise.Sigma(A_sum / static_cast<float>(have), mean);
-        inliers = 0;
-        for (std::size_t k = 0; k < have; ++k) {
-          kept[k] = std::abs(Modular(r[k] - mean, camera.wrap_m)) < kNotOneSurface * sigma ? 1.f : 0.f;
-          inliers += kept[k] > 0;
-        }
-        if (inliers == have || inliers == 0) break;
       }
+      const float sigma = noise.Sigma(A_sum / static_cast<float>(have), r[middle]);
+      float sum = 0, weight = 0;
+      std::size_t inliers = 0;
+      for (std::size_t k = 0; k < have; ++k) {
+        const float off = Modular(r[k] - r[middle], camera.wrap_m);
+        if (std::abs(off) > std::sqrt(2.f) * kNotOneSurface * sigma) continue;
+        const float weight_k = std::max(A[k], 1e-3f);
+        sum += weight_k * off;
+        weight += weight_k;
+        ++inliers;
+      }
+      float mean = r[middle] + sum / weight;
       // A phase whose own noise is a third of a radian says nothing: black surfaces, window panes.
       if (camera.wrap_m > 0 && sigma > camera.wrap_m / (6 * std::numbers::pi_v<float>)) continue;
       if (2 * inliers <= have) {

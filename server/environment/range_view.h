@@ -14,12 +14,12 @@ namespace mixstage {
 
 // The depth camera of a rig as the scan sees it: where its pixels look, what its counts mean.
 struct RangeCamera {
-  cv::Mat3f ray;           // [h x w] unit vectors in the depth camera's frame; NaN where a pixel has none
-  float pitch_rad = 0;     // between neighbouring pixels, in the middle of the picture
+  cv::Mat3f ray;        // [h x w] unit vectors in the depth camera's frame; NaN where a pixel has none
+  float pitch_rad = 0;  // between neighbouring pixels, in the middle of the picture
   RigidTransform T_color_depth = RigidTransform::Identity();
   DepthMeasure measures = DepthMeasure::kRange;
   double unit_m = 0.001;
-  float wrap_m = 0;        // reported ranges are modulo this; 0 = no wrap
+  float wrap_m = 0;  // reported ranges are modulo this; 0 = no wrap
   RangeError range_error;
 
   // The rig has a depth camera (checked).
@@ -55,13 +55,13 @@ struct RangeView {
 RangeView MakeRangeView(const RangeFrames& frames, const RangeCamera& camera, const RangeNoise& noise,
                         double typical_return);
 
-// The light a surface of the sweep typically returns, amplitude x range^2, taking ranges as not wrapped; 0 without
-// amplitude.
+// The light a surface of the sweep typically returns, amplitude x range^2, taking ranges as not wrapped; 0
+// without amplitude.
 double TypicalReturn(const std::vector<RangeFrames>& views, const RangeCamera& camera);
 
-// Adds whole wraps to range_m [h x w] (0 = not known): neighbours that are one surface modulo wrap_m stay one; each
-// such surface takes the number of wraps whose amplitude x range^2 is nearest to what is typical. amplitude may be
-// empty: then no more than continuity is known.
+// Adds whole wraps to range_m [h x w] (0 = not known): neighbours that are one surface modulo wrap_m stay
+// one; each such surface takes the number of wraps whose amplitude x range^2 is nearest to what is typical.
+// amplitude may be empty: then no more than continuity is known.
 void ResolveWraps(cv::Mat1f& range_m, const cv::Mat1f& sigma_m, const cv::Mat1f& amplitude, float wrap_m,
                   double typical_return);
 

@@ -124,8 +124,8 @@ class Grower {
     members_.push_back(std::move(members));
   }
 
-  // How far a plane's members lie off m in the mean, in sigmas of that mean (half a millimetre at 2 m is always the
-  // same plane).
+  // How far a plane's members lie off m in the mean, in sigmas of that mean (half a millimetre at 2 m is
+  // always the same plane).
   [[nodiscard]] bool MeanFits(const std::vector<int>& members, const Eigen::Vector3f& m) const {
     double sum = 0, weight = 0;
     for (const int i : members) {
@@ -141,7 +141,8 @@ class Grower {
   void Merge() {
     std::vector<std::size_t> order(sums_.size());
     std::iota(order.begin(), order.end(), 0);
-    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return sums_[a].count() > sums_[b].count(); });
+    std::sort(order.begin(), order.end(),
+              [&](std::size_t a, std::size_t b) { return sums_[a].count() > sums_[b].count(); });
     into_.assign(sums_.size(), -1);
     for (std::size_t k = 0; k < order.size(); ++k) {
       const std::size_t b = order[k];
@@ -162,8 +163,9 @@ class Grower {
     }
   }
 
-  // A node lies on a plane of its neighbourhood when its own depth does and, in the mean, so do its neighbours that
-  // belong to no other plane: two centimetres of a picture frame before a wall show in the mean alone.
+  // A node lies on a plane of its neighbourhood when its own depth does and, in the mean, so do its
+  // neighbours that belong to no other plane: two centimetres of a picture frame before a wall show in the
+  // mean alone.
   std::vector<GrownPlane> Assign(const PlaneConfig& config) {
     std::vector<int> core(n_.ray.size(), -1);
     std::vector<GrownPlane> planes;
@@ -206,7 +208,8 @@ class Grower {
         for (int x = 0; x < n_.width; ++x) AssignNode(x, y, core, sorted);
     });
     for (std::size_t i = 0; i < core.size(); ++i)
-      if (n_.room_plane[i] >= 0) n_.plane[i] = sorted[static_cast<std::size_t>(n_.room_plane[i])].m.cast<float>();
+      if (n_.room_plane[i] >= 0)
+        n_.plane[i] = sorted[static_cast<std::size_t>(n_.room_plane[i])].m.cast<float>();
     return sorted;
   }
 
@@ -221,7 +224,9 @@ class Grower {
       for (int dx = -kReach; dx <= kReach; ++dx) {
         const int at = n_.At(x + dx, y + dy);
         const int plane = at < 0 ? -1 : core[static_cast<std::size_t>(at)];
-        if (plane < 0 || std::find(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(count), plane) != near.begin() + static_cast<std::ptrdiff_t>(count)) continue;
+        if (plane < 0 || std::find(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(count), plane) !=
+                             near.begin() + static_cast<std::ptrdiff_t>(count))
+          continue;
         if (count < near.size()) near[count++] = plane;
       }
     }
@@ -256,8 +261,8 @@ class Grower {
   }
 
   [[nodiscard]] double NodeSolidAngle() const {
-    // Equal steps of a sphere's rows and columns; the row's cosine comes with the ray. A cylinder's rows differ a
-    // little: the area is a threshold, no measurement.
+    // Equal steps of a sphere's rows and columns; the row's cosine comes with the ray. A cylinder's rows
+    // differ a little: the area is a threshold, no measurement.
     const auto a = static_cast<std::size_t>(n_.At(n_.width / 2, n_.height / 2));
     const auto b = static_cast<std::size_t>(n_.At(n_.width / 2 + 1, n_.height / 2));
     const double step = (n_.ray[a].normalized() - n_.ray[b].normalized()).norm() /

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The large planes of a room (algorithms 4): grown over nodes that lie on them within their noise, fitted by least
-// squares in inverse range, where the noise is even. A plane of a thousand noisy nodes is exact to a millimetre: they
-// are pulled onto it.
+// The large planes of a room (algorithms 4): grown over nodes that lie on them within their noise, fitted by
+// least squares in inverse range, where the noise is even. A plane of a thousand noisy nodes is exact to a
+// millimetre: they are pulled onto it.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,8 +17,8 @@ struct PlaneConfig {
   int least_nodes = 60;
 };
 
-// A plane seen from the panorama's centre c: 1/range = m . ray, that is n . (x - c) = 1 / |m| with n = m / |m|
-// pointing away from the centre.
+// A plane seen from the panorama's centre c: 1/range = m . ray, that is n . (x - c) = 1 / |m| with n = m /
+// |m| pointing away from the centre.
 struct GrownPlane {
   Eigen::Vector3d m = Eigen::Vector3d::Zero();
   double area_m2 = 0;

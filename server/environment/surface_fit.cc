@@ -94,8 +94,8 @@ class Fitter {
     return cost;
   }
 
-  // Least squares over the nodes that lie on m (all, where m is zero), held softly at the node's own frontal plane:
-  // a strip of nodes does not determine a slant.
+  // Least squares over the nodes that lie on m (all, where m is zero), held softly at the node's own frontal
+  // plane: a strip of nodes does not determine a slant.
   Eigen::Vector3f Fit(const Eigen::Vector3f& m, std::span<const Neighbor> around, std::size_t own) const {
     Eigen::Matrix3f A = Eigen::Matrix3f::Zero();
     Eigen::Vector3f b = Eigen::Vector3f::Zero();
@@ -131,7 +131,8 @@ class Fitter {
         if (at < 0 || at == static_cast<int>(i)) continue;
         const auto j = static_cast<std::size_t>(at);
         if (n_.inverse_range[j] == 0) continue;
-        agree += std::abs(n_.inverse_range[j] - n_.inverse_range[i]) < 3 * std::hypot(n_.sigma[i], n_.sigma[j]);
+        agree +=
+            std::abs(n_.inverse_range[j] - n_.inverse_range[i]) < 3 * std::hypot(n_.sigma[i], n_.sigma[j]);
       }
     }
     supported_[i] = agree >= 2;
@@ -208,7 +209,8 @@ SurfaceNodes MakeNodes(const FusedDepth& fused, const PanoramaGrid& grid, float 
       for (int v = y * nodes.step; v < std::min((y + 1) * nodes.step, grid.height()); ++v) {
         for (int u = x * nodes.step; u < std::min((x + 1) * nodes.step, grid.width()); ++u) {
           const float value = fused.inverse_range(v, u);
-          if (value == 0 || std::abs(value - center) > 3 * std::hypot(center_sigma, fused.sigma(v, u))) continue;
+          if (value == 0 || std::abs(value - center) > 3 * std::hypot(center_sigma, fused.sigma(v, u)))
+            continue;
           sum += value;
           ray += grid.Ray(u, v);
           ++have;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The fused depth, noisy and with ragged edges, as local planes (algorithms 4: edge-aware regularisation). A plane
-// n . x = d seen from the panorama's centre is 1/range = m . ray with m = n / d: a fit is linear least squares on
-// what was averaged, whatever the projection.
+// The fused depth, noisy and with ragged edges, as local planes (algorithms 4: edge-aware regularisation). A
+// plane n . x = d seen from the panorama's centre is 1/range = m . ray with m = n / d: a fit is linear least
+// squares on what was averaged, whatever the projection.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,9 +15,9 @@ namespace mixstage {
 
 // One node for about each pixel of the depth camera, step x step pixels of the fused picture each.
 struct SurfaceNodes {
-  int step = 1;             // pixels of the fused picture
+  int step = 1;  // pixels of the fused picture
   int width = 0, height = 0;
-  bool closed = false;      // the last column's right neighbour is the first
+  bool closed = false;               // the last column's right neighbour is the first
   std::vector<Eigen::Vector3f> ray;  // of the block's centre
   std::vector<float> inverse_range;  // 1/m, 0 = not seen
   std::vector<float> sigma;
@@ -38,8 +38,8 @@ struct SurfaceNodes {
 SurfaceNodes MakeNodes(const FusedDepth& fused, const PanoramaGrid& grid, float pitch_rad);
 
 // Fits a plane to every seen node from those around it that lie on it within their noise. Planes spread to
-// neighbours that fit them better than their own, so that near and far side of a step each keep to themselves; a
-// thin thing keeps its own depth, a lone node that nothing supports takes its neighbours'.
+// neighbours that fit them better than their own, so that near and far side of a step each keep to
+// themselves; a thin thing keeps its own depth, a lone node that nothing supports takes its neighbours'.
 // Nodes on a plane of the room (room_plane) stay as they are and teach nobody.
 // color [node]: guide; empty = none. Neighbours of another colour count less.
 void FitPlanes(SurfaceNodes& nodes, const std::vector<Eigen::Vector3f>& color);

@@ -8,11 +8,12 @@
 namespace mixstage {
 namespace {
 
-constexpr double kPoseGap_s = 0.5;    // a listed pose farther in time says nothing about a picture
+constexpr double kPoseGap_s = 0.5;     // a listed pose farther in time says nothing about a picture
 constexpr double kSameFrame_s = 1e-3;  // amplitude and range are one exposure
 
 std::size_t Nearest(const std::vector<double>& times, double t_s) {
-  const auto after = static_cast<std::size_t>(std::lower_bound(times.begin(), times.end(), t_s) - times.begin());
+  const auto after =
+      static_cast<std::size_t>(std::lower_bound(times.begin(), times.end(), t_s) - times.begin());
   if (after == 0) return 0;
   if (after == times.size() || t_s - times[after - 1] <= times[after] - t_s) return after - 1;
   return after;
@@ -38,15 +39,16 @@ double Dwell(const std::vector<double>& times, std::size_t i) {
 Result<Sweep> ListSweep(const Take& take, const Rig& rig, const std::vector<PoseSample>& listed) {
   const std::string folder = take.folder.string();
   if (take.depth.empty() || !rig.depth) {
-    return Fail(ErrorCode::kBadInput,
-                take.depth.empty() ? folder + ": has no depth.txt: a scan needs depth pictures"
-                                   : "the rig has no depth camera: a scan needs one");
+    return Fail(ErrorCode::kBadInput, take.depth.empty()
+                                          ? folder + ": has no depth.txt: a scan needs depth pictures"
+                                          : "the rig has no depth camera: a scan needs one");
   }
   Sweep sweep;
   sweep.poses = take.head.empty() ? Sweep::Poses::kListed : Sweep::Poses::kPanTilt;
   if (!take.head.empty() && !rig.ptu) {
     return Fail(ErrorCode::kBadInput,
-                "the rig has no ptu section: mixstage-server calibrate finds the head's axes from views with ptu.txt");
+                "the rig has no ptu section: mixstage-server calibrate finds the head's axes from views with "
+                "ptu.txt");
   }
   if (take.head.empty() && listed.empty()) {
     return Fail(ErrorCode::kBadInput,

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which pictures of a capture folder belong to which position of the head (MixIn3D 2.3: the sweep that scans a
-// room), and where the head stood there.
+// Which pictures of a capture folder belong to which position of the head (MixIn3D 2.3: the sweep that scans
+// a room), and where the head stood there.
 #pragma once
 
 #include <filesystem>
@@ -40,8 +40,9 @@ struct Sweep {
 };
 
 // Every colour picture is a position; depth frames go to the one nearest in time. Poses come from ptu.txt and
-// rig.ptu, without ptu.txt from `listed` (T_world_color). Views without depth frames or pose are left out. Fails
-// (kBadInput) when there is no depth, no pose at all, ptu.txt without rig.ptu, or when fewer than two views remain.
+// rig.ptu, without ptu.txt from `listed` (T_world_color). Views without depth frames or pose are left out.
+// Fails (kBadInput) when there is no depth, no pose at all, ptu.txt without rig.ptu, or when fewer than two
+// views remain.
 Result<Sweep> ListSweep(const Take& take, const Rig& rig, const std::vector<PoseSample>& listed);
 
 }  // namespace mixstage

@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/environment/dense_surface.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace mixstage {
+namespace {
+
+// A plane does not go on far beyond where it was seen: its range may change to half or double, then it turns
+// frontal.
+Eigen::Vector3f GoOn(const Eigen::Vector3f& plane, const Eigen::Vector3f& from_ray,
+                     const Eigen::Vector3f& to_ray) {
+  const float from = plane.dot(from_ray), to = plane.dot(to_ray);
+  if (to > 0.5f * from && to < 2 * from) return plane;
+  return to_ray.normalized() * std::clamp(to, 0.5f * from, 2 * from);
+}
+
+struct Candidate {
+  float inverse_range = 0, score = 0;
+  int node = -1, room_plane = -1;
+};
+
+}  // namespace
+
+int FillNodes(SurfaceNodes& nodes, const std::vector<std::uint8_t>& wanted) {
+  std::vector<int> front;
+  for (std::size_t i = 0; i < nodes.plane.size(); ++i)
+    if (!nodes.plane[i].isZero()) front.push_back(static_cast<int>(i));
+  int filled = 0;
+  std::vector<int> next;
+  // Rings: every ring sees only those before it, so the order inside one does not matter.
+  while (!front.empty()) {
+    next.clear();
+    std::vector<std::pair<int, int>> takes;  // node, from
+    for (const int i : front) {
+      const int x = i % nodes.width, y = i / nodes.width;
+      for (const auto& [dx, dy] : {std::pair{1, 0}, std::pair{-1, 0}, std::pair{0, 1}, std::pair{0, -1}}) {
+        const int at = nodes.At(x + dx, y + dy);
+        if (at < 0 || !wanted[static_cast<std::size_t>(at)] ||
+            !nodes.plane[static_cast<std::size_t>(at)].isZero())
+          continue;
+        takes.emplace_back(at, i);
+      }
+    }
+    // Of several the room's plane comes first: it surely goes on; then the farther one: what is near ends at
+    // an edge.
+    std::sort(takes.begin(), takes.end(), [&](const auto& a, const auto& b) {
+      if (a.first != b.first) return a.first < b.first;
+      const auto ia = static_cast<std::size_t>(a.second), ib = static_cast<std::size_t>(b.second);
+      const bool pa = nodes.room_plane[ia] >= 0, pb = nodes.room_plane[ib] >= 0;
+      if (pa != pb) return pa;
+      const float ra = nodes.plane[ia].dot(nodes.ray[ia]), rb = nodes.plane[ib].dot(nodes.ray[ib]);
+      return ra != rb ? ra < rb : a.second < b.second;
+    });
+    for (const auto& [to, from] : takes) {
+      const auto t = static_cast<std::size_t>(to), f = static_cast<std::size_t>(from);
+      if (!nodes.plane[t].isZero()) continue;
+      const Eigen::Vector3f plane = GoOn(nodes.plane[f], nodes.ray[f], nodes.ray[t]);
+      if (plane.dot(nodes.ray[t]) <= 0) continue;
+      nodes.room_plane[t] = plane == nodes.plane[f] ? nodes.room_plane[f] : -1;
+      nodes.plane[t] = plane;
+      next.push_back(to);
+      ++filled;
+    }
+    front.swap(next);
+  }
+  return filled;
+}
+
+DenseSurface MakeDense(const SurfaceNodes& nodes, const FusedDepth& fused, const PanoramaGrid& grid,
+                       const cv::Mat3f& guide, const std::vector<Eigen::Vector3f>& node_color) {
+  DenseSurface dense;
+  dense.inverse_range = cv::Mat1f::zeros(grid.height(), grid.width());
+  dense.node = cv::Mat1i(grid.height(), grid.width(), -1);
+  const float step = static_cast<float>(nodes.step);
+  cv::parallel_for_({0, grid.height()}, [&](const cv::Range& rows) {
+    for (int y = rows.start; y < rows.end; ++y) {
+      for (int x = 0; x < grid.width(); ++x) {
+        const Eigen::Vector3f ray = grid.Ray(x, y);
+        const int nx = x / nodes.step, ny = y / nodes.step;
+        std::array<Candidate, 9> found;
+        std::size_t count = 0;
+        for (int dy = -1; dy <= 1; ++dy) {
+          for (int dx = -1; dx <= 1; ++dx) {
+            const int at = nodes.At(nx + dx, ny + dy);
+            if (at < 0) continue;
+            const auto j = static_cast<std::size_t>(at);
+            if (nodes.plane[j].isZero()) continue;
+            Candidate c;
+            c.inverse_range = nodes.plane[j].dot(ray);
+            if (c.inverse_range <= 0) continue;
+            c.node = at;
+            c.room_plane = nodes.room_plane[j];
+            const float off_x = (static_cast<float>(x - (nx + dx) * nodes.step) + 0.5f) / step - 0.5f;
+            const float off_y = (static_cast<float>(y - (ny + dy) * nodes.step) + 0.5f) / step - 0.5f;
+            c.score = std::exp(-(off_x * off_x + off_y * off_y) / (2 * 0.6f * 0.6f));
+            if (!guide.empty()) {
+              constexpr float kColorSigma = 0.06f;
+              const cv::Vec3f own = guide(y, x);
+              const float d2 = (Eigen::Vector3f(own[0], own[1], own[2]) - node_color[j]).squaredNorm();
+              c.score *= 0.02f + std::exp(-d2 / (2 * kColorSigma * kColorSigma));
+            }
+            if (fused.inverse_range(y, x) > 0) {
+              const float e = (c.inverse_range - fused.inverse_range(y, x)) / fused.sigma(y, x);
+              c.score *= std::exp(-0.5f * std::min(e * e, 12.f));
+            }
+            found[count++] = c;
+          }
+        }
+        if (count == 0) continue;
+        // Votes: planes within two per cent of the range are one surface.
+        std::size_t best = 0;
+        float best_votes = -1;
+        for (std::size_t a = 0; a < count; ++a) {
+          float votes = 0.25f * found[a].score;
+          for (std::size_t b = 0; b < count; ++b) {
+            if (std::abs(found[b].inverse_range - found[a].inverse_range) < 0.02f * found[a].inverse_range)
+              votes += found[b].score;
+          }
+          if (votes > best_votes) {
+            best_votes = votes;
+            best = a;
+          }
+        }
+        Candidate chosen = found[best];
+        float value = chosen.inverse_range;
+        if (chosen.room_plane < 0) {
+          float sum = 0, weight = 0;
+          for (std::size_t b = 0; b < count; ++b) {
+            if (std::abs(found[b].inverse_range - chosen.inverse_range) >= 0.02f * chosen.inverse_range)
+              continue;
+            sum += found[b].score * found[b].inverse_range;
+            weight += found[b].score;
+          }
+          value = weight > 0 ? sum / weight : value;
+        } else {
+          for (std::size_t b = 0; b < count; ++b) {
+            const Candidate& o = found[b];
+            if (o.room_plane < 0 || o.room_plane == chosen.room_plane) continue;
+            if (std::abs(o.inverse_range - chosen.inverse_range) > 0.05f * chosen.inverse_range) continue;
+            // In an inner corner each plane ends where the other comes nearer, at an outer edge where it goes
+            // behind.
+            const Eigen::Vector3f& own_ray = nodes.ray[static_cast<std::size_t>(chosen.node)];
+            const Eigen::Vector3f& own = nodes.plane[static_cast<std::size_t>(chosen.node)];
+            const Eigen::Vector3f& other = nodes.plane[static_cast<std::size_t>(o.node)];
+            const bool inner = own.dot(own_ray) > other.dot(own_ray);
+            if (inner ? o.inverse_range > value : o.inverse_range < value) {
+              value = o.inverse_range;
+              chosen.node = o.node;
+            }
+          }
+        }
+        dense.inverse_range(y, x) = value;
+        dense.node(y, x) = chosen.node;
+      }
+    }
+  });
+  return dense;
+}
+
+}  // namespace mixstage

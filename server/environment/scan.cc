@@ -1,0 +1,257 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/environment/scan.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "proto/base/clock.h"
+#include "proto/take/picture_files.h"
+#include "server/environment/color_panorama.h"
+#include "server/environment/dense_surface.h"
+#include "server/environment/depth_fusion.h"
+#include "server/environment/range_view.h"
+#include "server/environment/room_planes.h"
+#include "server/environment/surface_fit.h"
+#include "server/environment/surface_mesh.h"
+#include "server/environment/sweep_layout.h"
+
+namespace mixstage {
+namespace {
+
+constexpr int kDepthShrink = 3;  // the surface's pixels are so many of the panorama's
+
+// What was loaded of one position.
+struct LoadedView {
+  SweepView listed;
+  cv::Mat3b bgr;
+  RangeFrames frames;
+  RangeView range;
+};
+
+Status LoadView(const SweepView& listed, const Rig& rig, const RangeCamera& camera, JpegDecoder& decoder,
+                LoadedView& view) {
+  view.listed = listed;
+  YuvImage yuv;
+  if (auto ok = LoadColor(listed.color, decoder, yuv); !ok) return ok;
+  if (yuv.width() != rig.color.width || yuv.height() != rig.color.height)
+    return Fail(ErrorCode::kBadInput, listed.color.string() + ": is not of the size the rig states");
+  view.bgr = ToBgr(yuv);
+  auto load = [&](const std::filesystem::path& file, std::vector<cv::Mat1w>& into) -> Status {
+    cv::Mat1w picture;
+    if (auto ok = LoadDepth16(file, picture); !ok) return ok;
+    if (picture.size() != camera.ray.size())
+      return Fail(ErrorCode::kBadInput, file.string() + ": is not of the size the rig states");
+    into.push_back(picture);
+    return {};
+  };
+  for (const auto& file : listed.depth)
+    if (auto ok = load(file, view.frames.counts); !ok) return ok;
+  for (const auto& file : listed.amplitude)
+    if (auto ok = load(file, view.frames.amplitudes); !ok) return ok;
+  return {};
+}
+
+// The surface that poses and ranges give.
+struct Surface {
+  PanoramaGrid grid;  // of the surface
+  FusedDepth fused;
+  SurfaceNodes nodes;
+  std::vector<GrownPlane> planes;
+};
+
+Surface BuildSurface(const std::vector<LoadedView>& views, const std::vector<RigidTransform>& poses,
+                     const RangeCamera& camera, const PanoramaGrid& grid) {
+  std::vector<PanoramaPatch> patches(views.size());
+  cv::parallel_for_({0, static_cast<int>(views.size())}, [&](const cv::Range& range) {
+    for (int k = range.start; k < range.end; ++k) {
+      const auto i = static_cast<std::size_t>(k);
+      patches[i] = SeeFromCenter(views[i].range, camera, poses[i] * camera.T_color_depth, grid);
+    }
+  });
+  Surface s{grid, Fuse(patches, grid), {}, {}};
+  s.nodes = MakeNodes(s.fused, grid, camera.pitch_rad);
+  FitPlanes(s.nodes, {});
+  s.planes = GrowPlanes(s.nodes, {});
+  FitPlanes(s.nodes, {});
+  return s;
+}
+
+// Directions that a colour picture saw, by node, at the range of the sweep's middle.
+std::vector<std::uint8_t> SweptNodes(const SurfaceNodes& nodes, const PanoramaGrid& grid,
+                                     const PinholeCamera& camera, const std::vector<RigidTransform>& poses) {
+  std::vector<float> ranges;
+  for (const float v : nodes.inverse_range)
+    if (v > 0) ranges.push_back(v);
+  float typical = 0.3f;
+  if (!ranges.empty()) {
+    const auto middle = ranges.begin() + static_cast<std::ptrdiff_t>(ranges.size() / 2);
+    std::nth_element(ranges.begin(), middle, ranges.end());
+    typical = *middle;
+  }
+  std::vector<std::uint8_t> swept(nodes.ray.size(), 0);
+  cv::parallel_for_({0, nodes.height}, [&](const cv::Range& rows) {
+    for (int y = rows.start; y < rows.end; ++y) {
+      for (int x = 0; x < nodes.width; ++x) {
+        const auto i = static_cast<std::size_t>(nodes.At(x, y));
+        const Eigen::Vector3d p = grid.panorama().center + nodes.ray[i].cast<double>() / typical;
+        for (const RigidTransform& T : poses) {
+          const auto pixel = camera.Project(T.inverse() * p);
+          if (!pixel || pixel->x() < 0 || pixel->y() < 0 || pixel->x() > camera.width - 1 ||
+              pixel->y() > camera.height - 1)
+            continue;
+          swept[i] = 1;
+          break;
+        }
+      }
+    }
+  });
+  return swept;
+}
+
+// The surface at every pixel of the panorama itself: each small pixel on the plane of the large one around
+// it.
+cv::Mat1f InverseRangeOf(const DenseSurface& dense, const SurfaceNodes& nodes, const PanoramaGrid& grid,
+                         const PanoramaGrid& full) {
+  cv::Mat1f out(full.height(), full.width(), 0.f);
+  const int times = full.width() / grid.width();
+  cv::parallel_for_({0, full.height()}, [&](const cv::Range& rows) {
+    for (int y = rows.start; y < rows.end; ++y) {
+      for (int x = 0; x < full.width(); ++x) {
+        const int u = x / times, v = y / times;
+        const float value = dense.inverse_range(v, u);
+        if (value <= 0) continue;
+        const Eigen::Vector3f& plane = nodes.plane[static_cast<std::size_t>(dense.node(v, u))];
+        out(y, x) =
+            std::clamp(value + plane.dot(full.Ray(x, y) - grid.Ray(u, v)), 0.8f * value, 1.25f * value);
+      }
+    }
+  });
+  return out;
+}
+
+}  // namespace
+
+Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<PoseSample>& listed,
+                            const std::function<void(const std::string&)>& progress) {
+  ScanResult result;
+  ScanReport& report = result.report;
+  double began_ms = 0;
+  auto step = [&](const std::string& name) {
+    const double now_ms = static_cast<double>(MonotonicMicros()) / 1000;
+    if (!report.steps.empty()) report.steps.back().wall_ms = now_ms - began_ms;
+    began_ms = now_ms;
+    if (name.empty()) return;
+    report.steps.push_back({name, 0});
+    if (progress) progress(name);
+  };
+
+  step("load");
+  auto sweep = ListSweep(take, rig, listed);
+  if (!sweep) return tl::unexpected(sweep.error());
+  report.left_out = sweep->left_out;
+  report.warnings = take.warnings;
+  const RangeCamera range_camera = RangeCamera::Of(rig);
+  std::vector<LoadedView> views;
+  {
+    JpegDecoder decoder;
+    for (const SweepView& v : sweep->views) {
+      LoadedView view;
+      if (auto ok = LoadView(v, rig, range_camera, decoder, view); !ok) {
+        report.left_out.push_back({v.name, ok.error().message});
+        continue;
+      }
+      views.push_back(std::move(view));
+    }
+  }
+  if (views.size() < 2) {
+    return Fail(ErrorCode::kBadInput,
+                take.folder.string() + ": fewer than two views can be used" +
+                    (report.left_out.empty() ? "" : "; the first left out: " + report.left_out[0].reason));
+  }
+
+  step("range");
+  std::vector<RangeFrames> frames;
+  for (const LoadedView& v : views) frames.push_back(v.frames);
+  const RangeNoise noise = RangeNoise::Measure(frames, range_camera);
+  const double typical_return = noise.by_amplitude ? TypicalReturn(frames, range_camera) : 0;
+  cv::parallel_for_({0, static_cast<int>(views.size())}, [&](const cv::Range& r) {
+    for (int k = r.start; k < r.end; ++k) {
+      LoadedView& v = views[static_cast<std::size_t>(k)];
+      v.range = MakeRangeView(v.frames, range_camera, noise, typical_return);
+    }
+  });
+  for (const LoadedView& v : views) {
+    const auto total = static_cast<double>(v.range.range_m.total());
+    if (v.range.moved_px > 0.01 * total)
+      report.notes.push_back({v.listed.name, "something moved during its depth frames"});
+  }
+
+  step("surface");
+  std::vector<RigidTransform> poses;
+  for (const LoadedView& v : views) poses.push_back(v.listed.T_world_color);
+  const Panorama panorama = LayOutPanorama(rig.color, poses, kDepthShrink);
+  const PanoramaGrid grid(Coarser(panorama, kDepthShrink)), full(panorama);
+  Surface surface = BuildSurface(views, poses, range_camera, grid);
+  if (std::none_of(surface.nodes.plane.begin(), surface.nodes.plane.end(),
+                   [](const Eigen::Vector3f& m) { return !m.isZero(); })) {
+    return Fail(ErrorCode::kBadInput, take.folder.string() + ": no depth picture holds a surface");
+  }
+  const std::vector<std::uint8_t> swept = SweptNodes(surface.nodes, grid, rig.color, poses);
+  std::size_t wanted = 0, have = 0;
+  for (std::size_t i = 0; i < swept.size(); ++i) {
+    wanted += swept[i];
+    have += swept[i] && !surface.nodes.plane[i].isZero();
+  }
+  report.measured = wanted == 0 ? 0 : static_cast<double>(have) / static_cast<double>(wanted);
+  FillNodes(surface.nodes, swept);
+
+  step("color");
+  std::vector<ColorView> color_views;
+  for (std::size_t i = 0; i < views.size(); ++i) color_views.push_back({views[i].bgr, poses[i]});
+  DenseSurface dense = MakeDense(surface.nodes, surface.fused, grid, {}, {});
+  SurfaceMesh mesh = MakeSurfaceMesh(dense, surface.nodes, grid, {});
+  auto occlusions = FindOcclusions(mesh, rig.color, color_views);
+  if (!occlusions) return tl::unexpected(occlusions.error());
+  const Photometry photometry = SolvePhotometry(color_views, *occlusions, rig, grid, dense.inverse_range);
+  report.photometric_rms_levels = photometry.rms_levels;
+  report.exposure = photometry.exposure;
+
+  step("blend");
+  const cv::Mat1f inverse_range = InverseRangeOf(dense, surface.nodes, grid, full);
+  result.pictures.color_bgra =
+      BlendColor(color_views, *occlusions, rig.color, photometry, full, inverse_range);
+  result.pictures.range_mm = cv::Mat1w(full.height(), full.width(), std::uint16_t{0});
+  std::size_t covered = 0, seen = 0;
+  for (int y = 0; y < full.height(); ++y) {
+    for (int x = 0; x < full.width(); ++x) {
+      const float value = inverse_range(y, x);
+      const bool colored = result.pictures.color_bgra(y, x)[3] > 0;
+      seen += swept[static_cast<std::size_t>(
+          surface.nodes.At(x / kDepthShrink / surface.nodes.step, y / kDepthShrink / surface.nodes.step))];
+      covered += colored;
+      if (value > 0 && colored)
+        result.pictures.range_mm(y, x) = cv::saturate_cast<std::uint16_t>(1000 / value);
+    }
+  }
+
+  step("mesh");
+  result.room.positions = mesh.positions;
+  result.room.uvs = mesh.uvs;
+  result.room.indices = mesh.indices;
+  cv::cvtColor(result.pictures.color_bgra, result.room.texture_bgr, cv::COLOR_BGRA2BGR);
+
+  Environment& environment = result.environment;
+  environment.rig = rig;
+  environment.rig.vignetting_a = photometry.vignetting_a;
+  environment.rig.vignetting_b = photometry.vignetting_b;
+  environment.panorama = panorama;
+  for (std::size_t i = 0; i < views.size(); ++i)
+    environment.frames.push_back({views[i].listed.name, poses[i]});
+  environment.coverage =
+      seen == 0 ? 0 : std::min(1.0, static_cast<double>(covered) / static_cast<double>(seen));
+  step("");
+  return result;
+}
+
+}  // namespace mixstage

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A sweep of the head (or an RGB-D sequence with poses) to a room (MixIn3D 2.3): the order of the steps. Each
+// is a file of this folder.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "proto/base/result.h"
+#include "proto/geometry/rig.h"
+#include "proto/take/take.h"
+#include "server/environment/environment.h"
+#include "server/environment/environment_folder.h"
+#include "server/environment/sweep.h"
+
+namespace mixstage {
+
+struct ScanStep {
+  std::string name;
+  double wall_ms = 0;
+};
+
+struct ScanReport {
+  std::vector<ViewNote> left_out;  // views that are not used
+  std::vector<ViewNote> notes;     // views that are, with a doubt
+  std::vector<std::string> warnings;
+  std::vector<ScanStep> steps;
+  double measured = 0;  // share of the swept directions where range was measured; the rest is filled in
+  double photometric_rms_levels = 0;  // between views at one point
+  double seam_levels = 0;
+  std::vector<double> exposure;  // of each frame of the environment
+};
+
+struct ScanResult {
+  Environment environment;
+  PanoramaPictures pictures;
+  RoomModel room;
+  ScanReport report;
+};
+
+// listed: poses of a sequence without ptu.txt. progress hears the name of each step as it begins; may be
+// empty. Fails (kBadInput) on what no scan can be made of: no depth, no poses, fewer than two good views,
+// nothing measured.
+Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<PoseSample>& listed,
+                            const std::function<void(const std::string&)>& progress);
+
+}  // namespace mixstage

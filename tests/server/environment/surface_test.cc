@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// From noisy range pictures of a room known by formula to its planes and its mesh.
+#include <gtest/gtest.h>
+
+#include <numbers>
+#include <random>
+
+#include "server/environment/dense_surface.h"
+#include "server/environment/depth_fusion.h"
+#include "server/environment/room_planes.h"
+#include "server/environment/surface_fit.h"
+#include "server/environment/surface_mesh.h"
+#include "server/environment/sweep_layout.h"
+#include "tests/support/box_room.h"
+
+namespace mixstage {
+namespace {
+
+constexpr double kSigma_m = 0.03;
+
+struct Scanned {
+  BoxRoom room;
+  PanoramaGrid grid;
+  FusedDepth fused;
+  SurfaceNodes nodes;
+  std::vector<GrownPlane> planes;
+  DenseSurface dense;
+  SurfaceMesh mesh;
+};
+
+const Scanned& ScannedRoom() {
+  static const Scanned scanned = [] {
+    const BoxRoom room;
+    const Rig rig = BoxRoomRig();
+    const RangeCamera camera = RangeCamera::Of(rig);
+    std::mt19937 random(7);
+    std::normal_distribution<double> normal(0, kSigma_m);
+    std::vector<RigidTransform> poses;
+    for (const double elevation : {-0.35, 0.0, 0.35})
+      for (const double azimuth : {-0.5, -0.15, 0.2, 0.55})
+        poses.push_back(
+            LookTo({1 + 0.05 * std::cos(azimuth), 1.5 + 0.05 * std::sin(azimuth), 1.4}, azimuth, elevation));
+    const PanoramaGrid grid(Coarser(LayOutPanorama(rig.color, poses, 3), 3));
+    std::vector<PanoramaPatch> patches;
+    for (const RigidTransform& T_world_color : poses) {
+      const RigidTransform T_world_depth = T_world_color * camera.T_color_depth;
+      RangeView view{cv::Mat1f(camera.ray.size()),
+                     cv::Mat1f(camera.ray.size(), static_cast<float>(kSigma_m))};
+      for (int y = 0; y < view.range_m.rows; ++y) {
+        for (int x = 0; x < view.range_m.cols; ++x) {
+          const cv::Vec3f n = camera.ray(y, x);
+          const Eigen::Vector3d ray = T_world_depth.linear() * Eigen::Vector3d(n[0], n[1], n[2]);
+          view.range_m(y, x) =
+              static_cast<float>(room.Range(T_world_depth.translation(), ray) + normal(random));
+        }
+      }
+      patches.push_back(SeeFromCenter(view, camera, T_world_depth, grid));
+    }
+    Scanned s{room, grid, Fuse(patches, grid), {}, {}, {}, {}};
+    s.nodes = MakeNodes(s.fused, grid, camera.pitch_rad);
+    FitPlanes(s.nodes, {});
+    s.planes = GrowPlanes(s.nodes, {});
+    FitPlanes(s.nodes, {});
+    FillNodes(s.nodes, std::vector<std::uint8_t>(s.nodes.ray.size(), 1));
+    s.dense = MakeDense(s.nodes, s.fused, grid, {}, {});
+    s.mesh = MakeSurfaceMesh(s.dense, s.nodes, grid, {});
+    return s;
+  }();
+  return scanned;
+}
+
+TEST(RoomPlanes, AreExactToMillimetresOutOfThreeCentimetresOfNoise) {
+  const Scanned& s = ScannedRoom();
+  const Eigen::Vector3d c = s.grid.panorama().center;
+  int found = 0;
+  for (const auto& [normal, distance] :
+       {std::pair{Eigen::Vector3d(0, 0, -1), c.z()}, std::pair{Eigen::Vector3d(0, 0, 1), 2.6 - c.z()},
+        std::pair{Eigen::Vector3d(1, 0, 0), 5 - c.x()}}) {
+    for (const GrownPlane& p : s.planes) {
+      if (p.m.normalized().dot(normal) < 0.9999) continue;
+      if (std::abs(1 / p.m.norm() - distance) < 0.003) ++found;
+    }
+  }
+  EXPECT_EQ(found, 3);
+}
+
+TEST(DenseSurface, LosesTheNoiseAndKeepsTheEdges) {
+  const Scanned& s = ScannedRoom();
+  std::vector<double> errors;
+  int edge_wrong = 0, edge = 0;
+  auto truth = [&](int x, int y) {
+    return s.room.Range(s.grid.panorama().center, s.grid.Ray(x, y).cast<double>());
+  };
+  constexpr int kMargin = 6;
+  for (int y = kMargin; y + kMargin < s.grid.height(); y += 3) {
+    for (int x = kMargin; x + kMargin < s.grid.width(); x += 3) {
+      if (s.fused.inverse_range(y, x) == 0) continue;
+      const double r = truth(x, y), error = std::abs(1 / s.dense.inverse_range(y, x) - r);
+      double step = 0;
+      for (const auto& [dx, dy] :
+           {std::pair{kMargin, 0}, std::pair{-kMargin, 0}, std::pair{0, kMargin}, std::pair{0, -kMargin}})
+        step = std::max(step, std::abs(truth(x + dx, y + dy) - r));
+      if (step < 0.3) {
+        errors.push_back(error);
+      } else {
+        ++edge;
+        edge_wrong += error > 0.15;
+      }
+    }
+  }
+  ASSERT_GT(errors.size(), 1000u);
+  std::sort(errors.begin(), errors.end());
+  EXPECT_LT(errors[errors.size() / 2], 0.001);
+  EXPECT_LT(errors[errors.size() * 95 / 100], 0.006);
+  // Within six pixels of an edge at most every eighth pixel is on the wrong side: it is displaced by less
+  // than one.
+  EXPECT_LT(edge_wrong, edge / 8) << edge;
+}
+
+TEST(SurfaceMesh, IsCutAtTheBlockAndTightElsewhere) {
+  const Scanned& s = ScannedRoom();
+  ASSERT_GT(s.mesh.indices.size(), 300u);
+  EXPECT_LT(s.mesh.indices.size() / 3, 40'000u);
+  const Eigen::Vector3d c = s.grid.panorama().center;
+  int hanging = 0, clockwise = 0;
+  for (std::size_t i = 0; i + 2 < s.mesh.indices.size(); i += 3) {
+    Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+    double least = 1e9, most = 0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Eigen::Vector3d p = s.mesh.positions[s.mesh.indices[i + k]].cast<double>();
+      middle += p / 3;
+      least = std::min(least, (p - c).norm());
+      most = std::max(most, (p - c).norm());
+    }
+    const double range = (middle - c).norm(), truth = s.room.Range(c, (middle - c) / range);
+    // Between the block and the wall behind it there is a metre of nothing.
+    if (most - least > 0.5 && std::abs(range - truth) > 0.2) ++hanging;
+    const Eigen::Vector3d a = s.mesh.positions[s.mesh.indices[i]].cast<double>(),
+                          b = s.mesh.positions[s.mesh.indices[i + 1]].cast<double>(),
+                          d = s.mesh.positions[s.mesh.indices[i + 2]].cast<double>();
+    clockwise += (b - a).cross(d - a).dot(c - a) < 0;
+  }
+  EXPECT_EQ(hanging, 0);
+  // Slivers seen edge-on round to either side.
+  EXPECT_LT(clockwise, static_cast<int>(s.mesh.indices.size() / 3000));
+}
+
+TEST(SweepLayout, SpansWhatTheCamerasSaw) {
+  const Rig rig = BoxRoomRig();
+  std::vector<RigidTransform> poses;
+  for (const double azimuth : {-0.5, 0.5}) poses.push_back(LookTo({1, 1, 1}, azimuth, 0));
+  const Panorama p = LayOutPanorama(rig.color, poses, 3);
+  const double half = std::atan(0.5 * 320 / 330) * 180 / std::numbers::pi, pan = 0.5 * 180 / std::numbers::pi;
+  EXPECT_NEAR(p.azimuth_left_deg, pan + half, 3);
+  EXPECT_NEAR(p.azimuth_right_deg, -pan - half, 3);
+  EXPECT_EQ(p.width % 3, 0);
+  ASSERT_TRUE(p.Validate());
+  for (double azimuth = 0; azimuth < 6; azimuth += 0.5) poses.push_back(LookTo({1, 1, 1}, azimuth, 1.4));
+  const Panorama whole = LayOutPanorama(rig.color, poses, 3);
+  EXPECT_DOUBLE_EQ(whole.azimuth_left_deg - whole.azimuth_right_deg, 360);
+  EXPECT_DOUBLE_EQ(whole.elevation_top_deg, 90);
+  ASSERT_TRUE(whole.Validate());
+}
+
+}  // namespace
+}  // namespace mixstage
