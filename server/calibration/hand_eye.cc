@@ -4,11 +4,13 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <numbers>
 #include <optional>
 
+#include "server/calibration/board_pose.h"
 #include "server/calibration/hand_eye_adjustment.h"
 #include "server/calibration/hand_eye_start.h"
 
@@ -23,7 +25,8 @@ constexpr double kWeakRad = 0.05 * kRadPerDeg, kWeakM = 0.002;
 // A view is in doubt beyond this many deviations, and beyond what any room forgives.
 constexpr double kDoubt = 4.5, kDoubtRad = 0.05 * kRadPerDeg, kDoubtM = 0.002, kDoubtPx = 0.5;
 constexpr double kWorstNoisePx = 1, kWorstNoiseRad = 0.3 * kRadPerDeg;
-constexpr int kRejectionRounds = 8;
+constexpr double kContradiction = 3;  // sigmas that a scale has to be off before it is believed
+constexpr double kHeldScale = 1e-4;   // how well a scale that nothing contradicts is known
 
 std::string Number(const char* format, double value) {
   char text[64];
@@ -48,7 +51,7 @@ struct Session {
   std::vector<Seen> seen;
   HandEyeAdjustment problem;
   std::vector<HandEyeViewFit> fits;
-  double agreement = 1;
+  std::vector<std::string> held;
 };
 
 Status CheckSighting(const std::string& view, const std::vector<Board>& boards,
@@ -94,7 +97,7 @@ Status Begin(Session& session, const Eigen::Matrix3d& R_hand_color_guess) {
       sighting.pixels.push_back(one.sighting->pixels[k]);
     }
     problem.sightings.push_back(std::move(sighting));
-    const auto T_camera_board = BoardPose(camera.model, board, *one.sighting);
+    const auto T_camera_board = PoseOfBoard(camera.lens, board, *one.sighting);
     if (!T_camera_board) continue;
     in_view.push_back({one.view, one.sighting->board, camera.T_camera_color.inverse() * *T_camera_board});
     of_seen.push_back(i);
@@ -138,7 +141,6 @@ Status Begin(Session& session, const Eigen::Matrix3d& R_hand_color_guess) {
             std::to_string(usable) +
             " views agree; are they in step, pan before tilt, in degrees, and do the boards stand still?");
   }
-  session.agreement = start->agreement;
   for (std::size_t i = 0; i < in_view.size(); ++i) {
     auto& sighting = problem.sightings[of_seen[i]];
     if (turned[i]) {
@@ -211,11 +213,40 @@ bool RejectWorst(Session& session) {
   return true;
 }
 
-Status AdjustRobustly(Session& session) {
+// Holds the scale nearest to what is expected of it, then, by what that leaves of the other's deviation, the
+// other.
+Status HoldScales(Session& session) {
+  HandEyeAdjustment& problem = session.problem;
+  std::array<bool, 2> held{};
+  while (problem.kind == HeadKind::kPanTilt) {
+    double least = kContradiction;
+    std::size_t next = 2;
+    for (std::size_t k = 0; k < 2; ++k) {
+      const auto i = static_cast<Eigen::Index>(2 + k);
+      const double off = std::abs(problem.mechanism[i] - problem.mechanism_expected[i]) /
+                         std::sqrt(problem.covariance(i, i));
+      if (held[k] || off > least) continue;
+      least = off;
+      next = k;
+    }
+    if (next == 2) break;
+    const auto i = static_cast<Eigen::Index>(2 + next);
+    session.held.push_back(std::string(next == 0 ? "pan" : "tilt") + " scale at " +
+                           Number("%g", problem.mechanism_expected[i]) + ": the views say " +
+                           Number("%.4f", problem.mechanism[i]) + " +- " +
+                           Number("%.4f", std::sqrt(problem.covariance(i, i))));
+    held[next] = true;
+    problem.mechanism_sd[i] = kHeldScale;
+    if (auto ok = Adjust(problem, OutlierLoss::kHuber); !ok) return ok;
+  }
+  return {};
+}
+
+Status AdjustSession(Session& session) {
   HandEyeAdjustment& problem = session.problem;
   const auto usable =
       std::count_if(problem.views.begin(), problem.views.end(), [](const auto& v) { return v.used; });
-  for (int round = 0; round < kRejectionRounds + static_cast<int>(usable); ++round) {
+  for (int round = 0; round < static_cast<int>(2 * usable); ++round) {
     if (auto ok = Adjust(problem, OutlierLoss::kCauchy); !ok) return ok;
     if (!RejectWorst(session)) break;
   }
@@ -226,6 +257,7 @@ Status AdjustRobustly(Session& session) {
                                              std::to_string(usable) +
                                              " views fit one head and boards that stand still");
   if (auto ok = Adjust(problem, OutlierLoss::kHuber); !ok) return ok;
+  if (auto ok = HoldScales(session); !ok) return ok;
   for (const auto& camera : problem.cameras)
     if (camera.noise_px > kWorstNoisePx)
       return Fail(ErrorCode::kQualityGate, "hand-eye: corners are " + Number("%.1f px", camera.noise_px) +
@@ -338,7 +370,7 @@ PanTilt InBase(const HandEyeAdjustment& problem, const std::optional<PanTilt>& n
 }
 
 Session NewSession(const std::vector<Board>& boards, HeadKind kind, std::size_t views) {
-  Session session{boards, {}, {}, {}, {}, {}, 1};
+  Session session{boards, {}, {}, {}, {}, {}, {}};
   session.problem.kind = kind;
   session.problem.views.resize(views);
   session.fits.resize(views);
@@ -352,10 +384,12 @@ constexpr double kDeg = 1 / kRadPerDeg;
 Result<HandEyeResult> CalibrateHandEye(const HandEyeInput& input) {
   Session session = NewSession(input.boards, HeadKind::kPanTilt, input.views.size());
   HandEyeAdjustment& problem = session.problem;
-  problem.cameras.push_back({.model = input.rig.color});
-  if (input.rig.depth)
-    problem.cameras.push_back(
-        {.model = input.rig.depth->camera, .T_camera_color = input.rig.T_color_depth.inverse()});
+  // Color first, whether or not the others exist.
+  problem.cameras.push_back({.lens = LensOf(input.rig.color)});
+  problem.cameras.push_back({.lens = input.rig.depth ? LensOf(input.rig.depth->camera) : Lens{},
+                             .T_camera_color = input.rig.T_color_depth.inverse()});
+  problem.cameras.push_back({.lens = input.rig.fisheye ? LensOf(*input.rig.fisheye) : Lens{},
+                             .T_camera_color = input.rig.T_color_fisheye.inverse()});
   const std::optional<PanTilt>& nominal = input.rig.ptu;
   const double pan_scale = nominal ? std::abs(nominal->pan_scale) : 1,
                tilt_scale = nominal ? std::abs(nominal->tilt_scale) : 1;
@@ -370,12 +404,13 @@ Result<HandEyeResult> CalibrateHandEye(const HandEyeInput& input) {
     problem.views[v].tilt_rad = view.tilt_deg * kRadPerDeg;
     session.T_base_hand.push_back(Turn(Eigen::Vector3d::UnitZ(), pan_scale * problem.views[v].pan_rad) *
                                   Turn(-Eigen::Vector3d::UnitY(), tilt_scale * problem.views[v].tilt_rad));
-    for (std::size_t camera = 0; camera < 2; ++camera)
-      for (const BoardSighting& sighting : camera == 0 ? view.color : view.amplitude) {
+    const std::vector<BoardSighting>* by_camera[] = {&view.color, &view.amplitude, &view.fisheye};
+    for (std::size_t camera = 0; camera < 3; ++camera)
+      for (const BoardSighting& sighting : *by_camera[camera]) {
         if (auto ok = CheckSighting(view.name, input.boards, sighting); !ok)
           return tl::unexpected(ok.error());
-        if (camera == 1 && !input.rig.depth)
-          return Fail(ErrorCode::kBadInput, view.name + ": the rig has no depth camera");
+        if (problem.cameras[camera].lens.width == 0)
+          return Fail(ErrorCode::kBadInput, view.name + ": the rig lacks a camera that sees a board");
         session.seen.push_back({v, camera, &sighting});
       }
   }
@@ -389,7 +424,7 @@ Result<HandEyeResult> CalibrateHandEye(const HandEyeInput& input) {
     guess = at_zero.TWorldColor(0, 0).linear();
   }
   if (auto ok = Begin(session, guess); !ok) return tl::unexpected(ok.error());
-  if (auto ok = AdjustRobustly(session); !ok) return tl::unexpected(ok.error());
+  if (auto ok = AdjustSession(session); !ok) return tl::unexpected(ok.error());
   if (problem.encoder_noise.maxCoeff() > kWorstNoiseRad)
     return Fail(ErrorCode::kQualityGate, "hand-eye: the encoders scatter by " +
                                              Number("%.2f deg", problem.encoder_noise.maxCoeff() * kDeg) +
@@ -406,13 +441,17 @@ Result<HandEyeResult> CalibrateHandEye(const HandEyeInput& input) {
   }
   result.pan_noise_deg = problem.encoder_noise[0] * kDeg;
   result.tilt_noise_deg = problem.encoder_noise[1] * kDeg;
-  result.covariance = problem.covariance;
-  const auto used_by = [&](std::size_t camera) {
-    return std::any_of(problem.sightings.begin(), problem.sightings.end(),
-                       [&](const auto& s) { return s.used && s.camera == camera; });
-  };
-  if (used_by(0)) result.color_noise_px = problem.cameras[0].noise_px;
-  if (used_by(1)) result.amplitude_noise_px = problem.cameras[1].noise_px;
+  result.held = session.held;
+  std::vector<Eigen::Vector2d> sweep;
+  for (int pan = -2; pan <= 2; ++pan)
+    for (int tilt = -2; tilt <= 2; ++tilt) sweep.push_back(Eigen::Vector2d(20 * pan, 17 * tilt) * kRadPerDeg);
+  const RelativeDeviation deviation = DeviationBetween(problem, sweep);
+  result.sweep_sd_deg = deviation.rotation_rad * kDeg;
+  result.sweep_sd_mm = deviation.translation * 1000;
+  for (const auto& sighting : problem.sightings) {
+    double* noise[] = {&result.color_noise_px, &result.amplitude_noise_px, &result.fisheye_noise_px};
+    if (sighting.used) *noise[sighting.camera] = problem.cameras[sighting.camera].noise_px;
+  }
 
   const std::vector<Direction> directions{
       {"distance of the axes", kWeakM, 1000, "%.1f mm"},
@@ -452,7 +491,7 @@ Result<HandEyeResult> CalibrateHandEye(const HandEyeInput& input) {
 Result<RobotHandEyeResult> CalibrateRobotHandEye(const RobotHandEyeInput& input) {
   Session session = NewSession(input.boards, HeadKind::kRobot, input.views.size());
   HandEyeAdjustment& problem = session.problem;
-  problem.cameras.push_back({.model = input.camera});
+  problem.cameras.push_back({.lens = LensOf(input.camera)});
   problem.encoder_noise = {0.1 * kRadPerDeg, 0.001};
   for (std::size_t v = 0; v < input.views.size(); ++v) {
     const RobotView& view = input.views[v];
@@ -468,7 +507,7 @@ Result<RobotHandEyeResult> CalibrateRobotHandEye(const RobotHandEyeInput& input)
     }
   }
   if (auto ok = Begin(session, Eigen::Matrix3d::Identity()); !ok) return tl::unexpected(ok.error());
-  if (auto ok = AdjustRobustly(session); !ok) return tl::unexpected(ok.error());
+  if (auto ok = AdjustSession(session); !ok) return tl::unexpected(ok.error());
 
   RobotHandEyeResult result;
   result.T_hand_color = problem.T_hand_color;

@@ -47,8 +47,8 @@ struct HandEyeViewFit {
 
 struct HeadView {
   std::string name;
-  double pan_deg = 0, tilt_deg = 0;             // as the encoders say
-  std::vector<BoardSighting> color, amplitude;  // by the colour camera, by the ToF camera
+  double pan_deg = 0, tilt_deg = 0;                      // as the encoders say
+  std::vector<BoardSighting> color, amplitude, fisheye;  // by the rig's cameras; amplitude: the ToF camera's
 };
 
 struct HandEyeInput {
@@ -64,10 +64,12 @@ struct HandEyeResult {
   std::vector<HandEyeFigure> figures;        // of the mechanism, with standard deviations
   // Directions that the views leave weak (worse than 0.05 deg or 2 mm), in words, the worst first.
   std::vector<std::string> weak;
-  double pan_noise_deg = 0, tilt_noise_deg = 0;       // of the encoders
-  double color_noise_px = 0, amplitude_noise_px = 0;  // of a corner's coordinate; 0 without
-  // Of the mechanism's 10 numbers in its own frame (hand_eye_adjustment.h).
-  Eigen::Matrix<double, 10, 10> covariance = Eigen::Matrix<double, 10, 10>::Zero();
+  double pan_noise_deg = 0, tilt_noise_deg = 0;                             // of the encoders
+  double color_noise_px = 0, amplitude_noise_px = 0, fisheye_noise_px = 0;  // of a coordinate; 0 without
+  // Predicted pose between two positions within 40 deg of pan and 34 of tilt, rms: what a sweep of the room
+  // asks.
+  double sweep_sd_deg = 0, sweep_sd_mm = 0;
+  std::vector<std::string> held;  // scales kept at the rig's since the views do not contradict, in words
 };
 
 // Fails (kQualityGate, the reason named) with fewer than 4 usable views, less than 5 deg of pan and of tilt,

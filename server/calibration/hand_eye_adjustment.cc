@@ -64,11 +64,18 @@ struct RobotMotion {
 };
 
 template <typename T>
-Eigen::Matrix<T, 2, 1> Pixel(const PinholeCamera& c, const Eigen::Matrix<T, 3, 1>& p) {
-  const T x = p[0] / p[2], y = p[1] / p[2], r2 = x * x + y * y;
-  const T g = (1.0 + r2 * (c.k1 + r2 * (c.k2 + r2 * c.k3))) / (1.0 + r2 * (c.k4 + r2 * (c.k5 + r2 * c.k6)));
-  return {c.fx * (x * g + 2.0 * c.p1 * x * y + c.p2 * (r2 + 2.0 * x * x)) + c.cx,
-          c.fy * (y * g + c.p1 * (r2 + 2.0 * y * y) + 2.0 * c.p2 * x * y) + c.cy};
+Eigen::Matrix<T, 2, 1> Pixel(const Lens& lens, const std::array<T, kLensNumbers>& numbers,
+                             const Eigen::Matrix<T, 3, 1>& p) {
+  Eigen::Matrix<T, 2, 1> pixel;
+  ProjectThrough(lens.kind, numbers.data(), p.data(), pixel.data());
+  return pixel;
+}
+
+template <typename T>
+std::array<T, kLensNumbers> NumbersAs(const Lens& lens) {
+  std::array<T, kLensNumbers> numbers;
+  std::transform(lens.numbers.begin(), lens.numbers.end(), numbers.begin(), [](double n) { return T(n); });
+  return numbers;
 }
 
 // All corners of a board in a picture: the chain of transforms is walked once for them.
@@ -88,11 +95,13 @@ struct SightingResidual {
     const Rigid<T> T_camera_board = Constant<T>(camera->T_camera_color) *
                                     (motion(mechanism, correction) * T_hand_color).Inverse() * T_base_board;
     const Eigen::Matrix<T, 3, 3> R = T_camera_board.q.toRotationMatrix();
+    const auto lens = NumbersAs<T>(camera->lens);
     for (std::size_t i = 0; i < sighting->pixels.size(); ++i) {
       const Eigen::Vector3d& c = sighting->p_board[i];  // z = 0
       const Eigen::Matrix<T, 3, 1> p = R.col(0) * c.x() + R.col(1) * c.y() + T_camera_board.t;
-      if (p[2] < 1e-3) return false;
-      const Eigen::Matrix<T, 2, 1> off = Pixel<T>(camera->model, p) - sighting->pixels[i].template cast<T>();
+      if (camera->lens.kind == LensKind::kPinhole && p[2] < 1e-3) return false;
+      const Eigen::Matrix<T, 2, 1> off =
+          Pixel<T>(camera->lens, lens, p) - sighting->pixels[i].template cast<T>();
       residual[2 * i] = off[0] * ((*weights)[i] / camera->noise_px);
       residual[2 * i + 1] = off[1] * ((*weights)[i] / camera->noise_px);
     }
@@ -164,7 +173,7 @@ class Solution {
     ceres::Solver::Options options;
     options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
     options.max_num_iterations = 100;
-    options.function_tolerance = 1e-10;
+    options.function_tolerance = 1e-8;
     options.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
     ceres::Solve(options, &problem_, &summary);
@@ -316,7 +325,7 @@ class Solution {
     sighting.off_px.clear();
     for (std::size_t i = 0; i < sighting.pixels.size(); ++i) {
       const Eigen::Vector3d p = T_camera_board * sighting.p_board[i];
-      sighting.off_px.push_back(Pixel<double>(camera.model, p) - sighting.pixels[i]);
+      sighting.off_px.push_back(Pixel<double>(camera.lens, camera.lens.numbers, p) - sighting.pixels[i]);
       sum += sighting.off_px.back().squaredNorm();
     }
     sighting.rms_px = std::sqrt(sum / static_cast<double>(std::max<std::size_t>(1, sighting.pixels.size())));
@@ -356,6 +365,54 @@ RigidTransform HandEyeAdjustment::TBaseColor(const View& view) const {
           ? PanTiltMotion{view.pan_rad, view.tilt_rad}(mechanism.data(), view.correction.data())
           : RobotMotion{view.T_base_hand}(mechanism.data(), view.correction.data());
   return Transform(T_base_hand) * T_hand_color;
+}
+
+RelativeDeviation DeviationBetween(const HandEyeAdjustment& problem,
+                                   const std::vector<Eigen::Vector2d>& positions) {
+  // The head with its numbers moved a little along one of them, or as it is.
+  const auto poses = [&](int number, double step) {
+    HandEyeAdjustment moved;
+    moved.mechanism = problem.mechanism;
+    moved.T_hand_color = problem.T_hand_color;
+    if (number < 4)
+      moved.mechanism[number] += step;
+    else if (number < 7)
+      moved.T_hand_color.linear() =
+          Eigen::AngleAxisd(step, Eigen::Vector3d::Unit(number - 4)) * moved.T_hand_color.linear();
+    else
+      moved.T_hand_color.translation()[number - 7] += step;
+    std::vector<RigidTransform> list;
+    for (const Eigen::Vector2d& at : positions) {
+      HandEyeAdjustment::View view;
+      view.pan_rad = at[0];
+      view.tilt_rad = at[1];
+      list.push_back(moved.TBaseColor(view));
+    }
+    return list;
+  };
+  constexpr double kStep = 1e-5;
+  const auto as_is = poses(0, 0);
+  std::array<std::vector<RigidTransform>, 10> moved;
+  for (int number = 0; number < 10; ++number) moved[static_cast<std::size_t>(number)] = poses(number, kStep);
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  double pairs = 0;
+  for (std::size_t i = 0; i < positions.size(); ++i)
+    for (std::size_t k = 0; k < i; ++k, ++pairs) {
+      const RigidTransform back = (as_is[i].inverse() * as_is[k]).inverse();
+      Eigen::Matrix<double, 6, 10> J;
+      for (std::size_t number = 0; number < 10; ++number) {
+        const RigidTransform off = back * (moved[number][i].inverse() * moved[number][k]);
+        const Eigen::Matrix3d& R = off.linear();
+        J.col(static_cast<Eigen::Index>(number))
+            << Eigen::Vector3d(R(2, 1) - R(1, 2), R(0, 2) - R(2, 0), R(1, 0) - R(0, 1)) / 2,
+            off.translation();
+      }
+      const Eigen::Matrix<double, 6, 1> variances =
+          (J * problem.covariance * J.transpose()).diagonal() / (kStep * kStep);
+      sum += Eigen::Vector2d(variances.head<3>().sum(), variances.tail<3>().sum());
+    }
+  if (pairs > 0) sum /= pairs;
+  return {std::sqrt(sum[0]), std::sqrt(sum[1])};
 }
 
 Status Adjust(HandEyeAdjustment& problem, OutlierLoss loss) {

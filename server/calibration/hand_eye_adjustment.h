@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "proto/base/result.h"
-#include "proto/geometry/camera_model.h"
 #include "proto/geometry/frames.h"
+#include "server/calibration/lens.h"
 
 namespace mixstage {
 
@@ -29,7 +29,7 @@ enum class OutlierLoss {
 
 struct HandEyeAdjustment {
   struct Camera {
-    PinholeCamera model;
+    Lens lens;
     RigidTransform T_camera_color = RigidTransform::Identity();
     double noise_px = 0.15;
   };
@@ -73,6 +73,15 @@ struct HandEyeAdjustment {
   // T_base_color of a view, its correction included.
   [[nodiscard]] RigidTransform TBaseColor(const View& view) const;
 };
+
+// Standard deviations of T_color1_color2 between two positions of a pan-tilt head, by the covariance alone:
+// encoders without noise. Rotation (rad) and translation, each the root of the three variances' sum; root
+// mean square over all pairs of the positions (pan, tilt; rad).
+struct RelativeDeviation {
+  double rotation_rad = 0, translation = 0;
+};
+RelativeDeviation DeviationBetween(const HandEyeAdjustment& problem,
+                                   const std::vector<Eigen::Vector2d>& positions);
 
 // Rounds of solving and of estimating noise, until that settles. Fails (kQualityGate) where nothing
 // converges.

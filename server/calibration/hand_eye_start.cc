@@ -5,9 +5,8 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
-#include <opencv2/calib3d.hpp>
-#include <opencv2/core/eigen.hpp>
 #include <random>
 
 namespace mixstage {
@@ -54,38 +53,6 @@ double Disagreement(const Pair& pair, const Eigen::Matrix3d& R) {
 }
 
 }  // namespace
-
-std::optional<RigidTransform> BoardPose(const PinholeCamera& camera, const Board& board,
-                                        const BoardSighting& sighting) {
-  std::vector<cv::Point3d> points;
-  std::vector<cv::Point2d> rays;
-  for (std::size_t i = 0; i < sighting.corners.size(); ++i) {
-    const auto ray = camera.Unproject(sighting.pixels[i]);
-    if (!ray) continue;
-    const Eigen::Vector3d p = board.Corner(sighting.corners[i]);
-    points.emplace_back(p.x(), p.y(), p.z());
-    rays.emplace_back(ray->x(), ray->y());
-  }
-  if (points.size() < 6) return std::nullopt;
-  cv::Mat rotation, translation;
-  try {
-    if (!cv::solvePnP(points, rays, cv::Matx33d::eye(), cv::noArray(), rotation, translation, false,
-                      cv::SOLVEPNP_IPPE))
-      return std::nullopt;
-    cv::solvePnPRefineLM(points, rays, cv::Matx33d::eye(), cv::noArray(), rotation, translation);
-  } catch (const cv::Exception&) {  // corners in a line
-    return std::nullopt;
-  }
-  cv::Mat1d R;
-  cv::Rodrigues(rotation, R);
-  RigidTransform T = RigidTransform::Identity();
-  Eigen::Matrix3d linear;
-  cv::cv2eigen(R, linear);
-  T.linear() = linear;
-  T.translation() = Eigen::Map<const Eigen::Vector3d>(translation.ptr<double>());
-  if (!T.matrix().allFinite() || T.translation().z() <= 0) return std::nullopt;
-  return T;
-}
 
 std::vector<bool> AgreeOnFirstCorner(const std::vector<RigidTransform>& T_base_hand,
                                      const std::vector<Board>& boards, std::vector<BoardInView>& seen) {

@@ -9,15 +9,10 @@
 #include <optional>
 #include <vector>
 
-#include "proto/geometry/camera_model.h"
 #include "proto/geometry/frames.h"
-#include "server/calibration/board_detection.h"
+#include "server/calibration/board.h"
 
 namespace mixstage {
-
-// Pose of a board by its corners in one picture (cv::solvePnP, planar); nothing where they determine none.
-std::optional<RigidTransform> BoardPose(const PinholeCamera& camera, const Board& board,
-                                        const BoardSighting& sighting);
 
 struct BoardInView {
   std::size_t view = 0, board = 0;
