@@ -8,6 +8,7 @@
 #include "proto/base/version.h"
 #include "proto/geometry/rig.h"
 #include "server/app/access_commands.h"
+#include "server/app/calibrate.h"
 #include "server/app/config.h"
 #include "server/app/process.h"
 #include "server/app/run.h"
@@ -118,6 +119,23 @@ int Process(const ProcessFlags& f) {
   options.encode = f.encode;
   options.progress = f.json ? Progress::kSilent : Progress::kShow;
   auto report = RunProcess(options);
+  if (!report) return Report(report.error());
+  if (f.json) std::fputs(report->c_str(), stdout);
+  return 0;
+}
+
+struct CalibrateFlags {
+  std::vector<std::string> views;
+  std::string rig, out;
+  bool json = false;
+};
+
+int Calibrate(const CalibrateFlags& f) {
+  CalibrateOptions options;
+  options.views.assign(f.views.begin(), f.views.end());
+  if (!f.rig.empty()) options.rig = f.rig;
+  options.out = f.out;
+  auto report = RunCalibrate(options);
   if (!report) return Report(report.error());
   if (f.json) std::fputs(report->c_str(), stdout);
   return 0;
@@ -236,6 +254,22 @@ int main(int argc, char** argv) {
       "Example: mixstage-server process --take monday --scene scene.yaml --out out --export "
       "composite,depth,alpha");
 
+  CalibrateFlags calibrate;
+  CLI::App* calibrate_command =
+      app.add_subcommand("calibrate", "views of checkerboards to a calibrated rig.json and a report");
+  calibrate_command
+      ->add_option("--views", calibrate.views,
+                   "folder of views: a take's layout and board.json; may be repeated")
+      ->required();
+  calibrate_command->add_option("--rig", calibrate.rig,
+                                "nominal rig.json (default: the first folder's, or the one a folder up)");
+  calibrate_command
+      ->add_option("--out", calibrate.out, "folder to write rig.json, report.html, report.json to")
+      ->required();
+  calibrate_command->add_flag("--json", calibrate.json, "print report.json");
+  calibrate_command->footer(
+      "Example: mixstage-server calibrate --views calib --views calib_wide --out calibrated");
+
   ScanFlags scan;
   CLI::App* scan_command = app.add_subcommand("scan", "a sweep of the head to a textured model of the room");
   scan_command
@@ -272,6 +306,7 @@ int main(int argc, char** argv) {
   }
   if (run_command->parsed()) return Run(run);
   if (process_command->parsed()) return Process(process);
+  if (calibrate_command->parsed()) return Calibrate(calibrate);
   if (scan_command->parsed()) return Scan(scan);
   return Check(check);
 }

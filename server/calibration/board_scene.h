@@ -31,8 +31,9 @@ struct SceneCamera {
 
 // One board in one view.
 struct Placement {
-  std::string view;       // its name
-  std::size_t board = 0;  // of the scene's
+  std::string view;            // its name
+  std::size_t view_index = 0;  // of the list the scene was made of
+  std::size_t board = 0;       // of the scene's
   std::optional<RigidTransform> T_first_board;
   bool held_out = false;  // its pose is fitted, but no camera learns from it
 };

@@ -9,6 +9,8 @@
 #include <cstdio>
 #include <numbers>
 
+#include "server/calibration/adjustment_problem.h"
+
 namespace mixstage {
 namespace {
 
@@ -39,89 +41,28 @@ struct CornerCost {
   }
 };
 
-struct Numbers {
-  std::vector<std::array<double, kLensNumbers>> lenses;
-  std::vector<PoseNumbers> cameras, boards;
-};
-
-Numbers NumbersOfScene(const BoardScene& scene) {
-  Numbers n;
-  for (const SceneCamera& c : scene.cameras) {
-    n.lenses.push_back(c.lens.numbers);
-    n.cameras.push_back(NumbersOf(c.T_first_camera.value_or(RigidTransform::Identity())));
+void AddCorners(const BoardScene& scene, AdjustmentProblem& adjustment) {
+  for (const SceneSighting& s : scene.sightings) {
+    if (!adjustment.Takes(scene, s)) continue;
+    const SceneCamera& camera = scene.cameras[s.camera];
+    const Board& board = scene.boards[scene.placements[s.placement].board];
+    for (std::size_t i = 0; i < s.corners.corners.size(); ++i) {
+      adjustment.problem().AddResidualBlock(
+          new ceres::AutoDiffCostFunction<CornerCost, 2, kLensNumbers, 6, 6>(
+              new CornerCost{camera.lens.kind, board.Corner(s.corners.corners[i]), s.corners.pixels[i],
+                             camera.corner_sigma_px}),
+          new ceres::CauchyLoss(3.0), adjustment.lens(s.camera), adjustment.camera_pose(s.camera),
+          adjustment.board_pose(s.placement));
+    }
   }
-  for (const Placement& p : scene.placements)
-    n.boards.push_back(NumbersOf(p.T_first_board.value_or(RigidTransform::Identity())));
-  return n;
 }
 
-enum class Part {
-  kCameras = 1,  // cameras and the boards they learn from
-  kHeldOut,      // poses of the held-out boards, cameras fixed
-};
-
-Result<AdjustmentSummary> Solve(BoardScene& scene, Part part) {
-  Numbers n = NumbersOfScene(scene);
-  ceres::Problem problem;
-  auto order = std::make_shared<ceres::ParameterBlockOrdering>();
-  std::vector<bool> camera_used(scene.cameras.size());
-  for (const SceneSighting& s : scene.sightings) {
-    const Placement& placement = scene.placements[s.placement];
-    if (!scene.Used(s) || placement.held_out != (part == Part::kHeldOut)) continue;
-    const SceneCamera& camera = scene.cameras[s.camera];
-    camera_used[s.camera] = true;
-    double* board = n.boards[s.placement].data();
-    for (std::size_t i = 0; i < s.corners.corners.size(); ++i) {
-      problem.AddResidualBlock(
-          new ceres::AutoDiffCostFunction<CornerCost, 2, kLensNumbers, 6, 6>(
-              new CornerCost{camera.lens.kind, scene.boards[placement.board].Corner(s.corners.corners[i]),
-                             s.corners.pixels[i], camera.corner_sigma_px}),
-          new ceres::CauchyLoss(3.0), n.lenses[s.camera].data(), n.cameras[s.camera].data(), board);
-    }
-    order->AddElementToGroup(board, 0);
-  }
-  if (problem.NumResidualBlocks() == 0) return AdjustmentSummary{};
-  for (std::size_t c = 0; c < scene.cameras.size(); ++c) {
-    if (!camera_used[c]) continue;
-    double* lens = n.lenses[c].data();
-    double* pose = n.cameras[c].data();
-    order->AddElementToGroup(lens, 1);
-    order->AddElementToGroup(pose, 1);
-    std::vector<int> fixed;
-    const std::vector<int>& free = scene.cameras[c].lens.free;
-    for (int i = 0; i < kLensNumbers; ++i) {
-      if (std::find(free.begin(), free.end(), i) == free.end()) fixed.push_back(i);
-    }
-    if (part == Part::kHeldOut || free.empty()) {
-      problem.SetParameterBlockConstant(lens);
-    } else if (!fixed.empty()) {
-      problem.SetManifold(lens, new ceres::SubsetManifold(kLensNumbers, fixed));
-    }
-    if (c == 0 || part == Part::kHeldOut) problem.SetParameterBlockConstant(pose);
-  }
-  ceres::Solver::Options options;
-  options.linear_solver_type = ceres::DENSE_SCHUR;
-  options.linear_solver_ordering = order;
-  options.max_num_iterations = 100;
-  options.function_tolerance = 1e-9;
-  options.parameter_tolerance = 1e-10;
-  options.num_threads = 2;
-  options.logging_type = ceres::SILENT;
-  ceres::Solver::Summary summary;
-  ceres::Solve(options, &problem, &summary);
-  if (!summary.IsSolutionUsable())
-    return Fail(ErrorCode::kInternal, "the adjustment failed: " + summary.message);
-  for (std::size_t c = 0; c < scene.cameras.size(); ++c) {
-    if (!camera_used[c] || part == Part::kHeldOut) continue;
-    scene.cameras[c].lens.numbers = n.lenses[c];
-    if (c > 0) scene.cameras[c].T_first_camera = TransformOf(n.cameras[c]);
-  }
-  for (std::size_t p = 0; p < scene.placements.size(); ++p) {
-    if (scene.placements[p].T_first_board && scene.placements[p].held_out == (part == Part::kHeldOut))
-      scene.placements[p].T_first_board = TransformOf(n.boards[p]);
-  }
-  return AdjustmentSummary{summary.final_cost, static_cast<int>(summary.iterations.size()),
-                           summary.termination_type == ceres::CONVERGENCE};
+Result<AdjustmentSummary> Solve(BoardScene& scene, AdjustedPart part) {
+  AdjustmentProblem adjustment(scene, part);
+  AddCorners(scene, adjustment);
+  auto summary = adjustment.Solve(scene, 100, 1e-9);
+  if (summary) adjustment.Store(scene);
+  return summary;
 }
 
 double Rms(const std::vector<Vector2d>& residuals) {
@@ -174,9 +115,9 @@ bool LeaveOutFarOnes(BoardScene& scene) {
 }  // namespace
 
 Result<AdjustmentSummary> AdjustJointly(BoardScene& scene) {
-  auto summary = Solve(scene, Part::kCameras);
+  auto summary = Solve(scene, AdjustedPart::kCameras);
   if (!summary) return summary;
-  if (auto held_out = Solve(scene, Part::kHeldOut); !held_out) return held_out;
+  if (auto held_out = Solve(scene, AdjustedPart::kHeldOut); !held_out) return held_out;
   return summary;
 }
 
@@ -192,6 +133,12 @@ Result<AdjustmentSummary> AdjustRobustly(BoardScene& scene) {
     if (settled && !changed) break;
   }
   return summary;
+}
+
+Result<Deviations> DeviationsByCorners(const BoardScene& scene) {
+  AdjustmentProblem adjustment(scene, AdjustedPart::kCameras);
+  AddCorners(scene, adjustment);
+  return adjustment.DeviationsHere(scene);
 }
 
 }  // namespace mixstage

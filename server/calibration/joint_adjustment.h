@@ -6,15 +6,11 @@
 #pragma once
 
 #include "proto/base/result.h"
+#include "server/calibration/adjustment_summary.h"
 #include "server/calibration/board_scene.h"
+#include "server/calibration/deviations.h"
 
 namespace mixstage {
-
-struct AdjustmentSummary {
-  double cost = 0;  // half the robust sum of squares
-  int iterations = 0;
-  bool converged = false;
-};
 
 // Adjusts what is used and not held out, then fits the held-out placements' poses to the cameras found. Fails
 // (kInternal) where the solver does.
@@ -24,5 +20,8 @@ Result<AdjustmentSummary> AdjustJointly(BoardScene& scene);
 // by name, sightings whose rms is beyond four times their camera's and 0.5 px; until nothing changes. Sets
 // rms_px of every sighting.
 Result<AdjustmentSummary> AdjustRobustly(BoardScene& scene);
+
+// Deviations that corners alone leave. Fails (kQualityGate, the number named) where one is not determined.
+Result<Deviations> DeviationsByCorners(const BoardScene& scene);
 
 }  // namespace mixstage

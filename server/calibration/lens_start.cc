@@ -88,7 +88,7 @@ BoardScene OneCamera(const Lens& lens, const std::vector<Board>& boards,
   scene.boards = boards;
   scene.cameras.push_back({"", lens, RigidTransform::Identity(), 0.2});
   for (const BoardSighting* s : sightings) {
-    scene.placements.push_back({"", s->board, PoseOfBoard(lens, boards[s->board], *s), false});
+    scene.placements.push_back({"", 0, s->board, PoseOfBoard(lens, boards[s->board], *s), false});
     scene.sightings.push_back({0, scene.placements.size() - 1, *s, "", "", 0});
   }
   return scene;

@@ -18,13 +18,13 @@ double HalfStep(const std::vector<TakeEntry>& entries) {
 }
 
 // Puts every picture of a list into the view of its instant, or into a view of its own.
-void Assign(std::vector<View>& views, const std::vector<TakeEntry>& entries, double offset_s,
-            const std::string& folder, std::optional<std::filesystem::path> View::*slot) {
+void Assign(std::vector<BoardView>& views, const std::vector<TakeEntry>& entries, double offset_s,
+            const std::string& folder, std::optional<std::filesystem::path> BoardView::*slot) {
   const double tolerance = std::min(kSameInstant_s, HalfStep(entries));
   const std::size_t known = views.size();
   for (const TakeEntry& entry : entries) {
     const double t_s = entry.t_s + offset_s;
-    View* nearest = nullptr;
+    BoardView* nearest = nullptr;
     for (std::size_t i = 0; i < known; ++i) {
       const double d = std::abs(views[i].t_s - t_s);
       if (d <= tolerance && (!nearest || d < std::abs(nearest->t_s - t_s))) nearest = &views[i];
@@ -52,13 +52,13 @@ Result<ViewFolder> OpenViewFolder(const std::filesystem::path& path, double dept
   folder.boards = std::move(*boards);
   folder.warnings = std::move(take->warnings);
   const std::string name = take->folder.filename().string();
-  Assign(folder.views, take->color, 0, name, &View::color);
-  Assign(folder.views, take->amplitude, depth_time_offset_s, name, &View::amplitude);
-  Assign(folder.views, take->depth, depth_time_offset_s, name, &View::depth);
-  Assign(folder.views, take->fisheye, fisheye_time_offset_s, name, &View::fisheye);
+  Assign(folder.views, take->color, 0, name, &BoardView::color);
+  Assign(folder.views, take->amplitude, depth_time_offset_s, name, &BoardView::amplitude);
+  Assign(folder.views, take->depth, depth_time_offset_s, name, &BoardView::depth);
+  Assign(folder.views, take->fisheye, fisheye_time_offset_s, name, &BoardView::fisheye);
   std::stable_sort(folder.views.begin(), folder.views.end(),
-                   [](const View& a, const View& b) { return a.t_s < b.t_s; });
-  for (View& view : folder.views) {
+                   [](const BoardView& a, const BoardView& b) { return a.t_s < b.t_s; });
+  for (BoardView& view : folder.views) {
     const auto near = std::min_element(take->head.begin(), take->head.end(), [&](auto& a, auto& b) {
       return std::abs(a.t_s - view.t_s) < std::abs(b.t_s - view.t_s);
     });

@@ -16,7 +16,7 @@
 
 namespace mixstage {
 
-struct View {
+struct BoardView {
   std::string name;  // folder/stem of its first picture
   double t_s = 0;    // on the colour camera's clock
   // depth is the ToF camera's range picture, amplitude its brightness.
@@ -27,7 +27,7 @@ struct View {
 struct ViewFolder {
   std::filesystem::path folder;
   std::vector<Board> boards;
-  std::vector<View> views;            // in the order of time
+  std::vector<BoardView> views;       // in the order of time
   std::vector<std::string> warnings;  // lines and files that were left out, by name
 };
 

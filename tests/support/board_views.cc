@@ -59,7 +59,7 @@ void AddTrueViews(BoardScene& scene, std::size_t board, int count, int wide, dou
   auto uniform = [&](double a, double b) { return std::uniform_real_distribution<double>(a, b)(random); };
   auto add = [&](const RigidTransform& T_first_board, std::size_t first_camera) {
     const std::size_t index = scene.placements.size();
-    scene.placements.push_back({"view/" + std::to_string(index), board, T_first_board, false});
+    scene.placements.push_back({"view/" + std::to_string(index), index, board, T_first_board, false});
     for (std::size_t c = first_camera; c < scene.cameras.size(); ++c) {
       auto s = Look(scene, c, index);
       if (!s) continue;

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// How well an adjustment determines what it found: standard deviations from the inverse of its normal
+// equations, which for Gaussian noise is the Cramer-Rao bound.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <optional>
+#include <vector>
+
+#include "server/calibration/lens.h"
+
+namespace mixstage {
+
+struct CameraDeviation {
+  std::array<double, kLensNumbers> lens{};  // of each number; 0 where it was not estimated
+  // Of T_first_camera, about and along the axes of the first camera; 0 for the first camera itself.
+  Eigen::Vector3d turn_deg = Eigen::Vector3d::Zero();
+  Eigen::Vector3d shift_m = Eigen::Vector3d::Zero();
+};
+
+// One per camera, in their order; nothing for a camera that took no part.
+using Deviations = std::vector<std::optional<CameraDeviation>>;
+
+}  // namespace mixstage
