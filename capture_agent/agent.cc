@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "capture_agent/agent.h"
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <random>
 #include <thread>
 
 #include "proto/base/bounded_queue.h"
+#include "proto/base/clock.h"
 #include "proto/base/log.h"
 #include "proto/link/agent_commands.h"
 
@@ -15,6 +17,7 @@ namespace {
 
 constexpr std::size_t kQueuePictures = 8;
 constexpr int kCommandPollMs = 100;
+constexpr std::int64_t kHeadPeriodUs = 20'000;
 
 std::int64_t RandomEpoch() {
   std::random_device random;
@@ -52,9 +55,17 @@ struct Queued {
   std::int64_t index = 0;
 };
 
+void MoveHead(PanTiltHead* head, const AgentCommand& command) {
+  if (head == nullptr)
+    return spdlog::warn("agent move=refused reason=\"there is no head that can be moved\"");
+  if (auto ok = head->MoveTo(command.pan_deg, command.tilt_deg); !ok)
+    return spdlog::warn("agent move=refused reason=\"{}\"", ok.error().message);
+  spdlog::info("agent move pan_deg={} tilt_deg={}", command.pan_deg, command.tilt_deg);
+}
+
 // Hears the server until `stop`.
-void HearCommands(LcmLink& link, std::int64_t epoch, TakeRecorder* recorder, std::atomic<double>& parity,
-                  const std::stop_token& stop) {
+void HearCommands(LcmLink& link, std::int64_t epoch, PanTiltHead* head, TakeRecorder* recorder,
+                  std::atomic<double>& parity, const std::stop_token& stop) {
   CommandReceiver receiver(epoch);
   link.Subscribe({.on_command = [&](const mixstage_lcm::agent_command_t& message) {
     const auto command = receiver.Take(message);
@@ -72,15 +83,39 @@ void HearCommands(LcmLink& link, std::int64_t epoch, TakeRecorder* recorder, std
       case AgentVerb::kStopRecording:
         if (recorder != nullptr) recorder->Stop();
         return;
+      case AgentVerb::kMoveHead:
+        return MoveHead(head, *command);
     }
   }});
   while (!stop.stop_requested()) link.HandleFor(kCommandPollMs);
 }
 
+// Tells where the head is until `stop`; the angles that the socket refused.
+std::int64_t PublishAngles(PanTiltHead& head, LcmLink& link, std::int64_t epoch, TakeRecorder* recorder,
+                           const std::stop_token& stop) {
+  std::int64_t send_errors = 0;
+  bool answers = true;
+  for (std::int64_t due_us = MonotonicMicros(); WaitUntil(due_us, stop);) {
+    due_us = std::max(due_us + kHeadPeriodUs, MonotonicMicros());
+    const auto reading = head.Read();
+    if (!reading && answers) spdlog::warn("head silent reason=\"{}\"", reading.error().message);
+    answers = reading.has_value();
+    if (!reading) continue;
+    mixstage_lcm::head_angles_t message{};
+    message.epoch = epoch;
+    message.t_us = reading->t_us;
+    message.pan_deg = reading->pan_deg;
+    message.tilt_deg = reading->tilt_deg;
+    send_errors += !link.Publish(message);
+    if (recorder != nullptr) recorder->Head(reading->t_us, reading->pan_deg, reading->tilt_deg);
+  }
+  return send_errors;
+}
+
 }  // namespace
 
-AgentTotals RunAgent(Source& source, Pace pace, LcmLink& link, const PublisherConfig& config,
-                     TakeRecorder* recorder, std::stop_token stop) {
+AgentTotals RunAgent(Source& source, PanTiltHead* head, Pace pace, LcmLink& link,
+                     const PublisherConfig& config, TakeRecorder* recorder, std::stop_token stop) {
   BoundedQueue<Queued> queue(kQueuePictures, pace == Pace::kReal ? WhenFull::kDropOldest : WhenFull::kWait);
   std::atomic<std::int64_t> dropped = 0;
   AgentTotals totals;
@@ -88,7 +123,14 @@ AgentTotals RunAgent(Source& source, Pace pace, LcmLink& link, const PublisherCo
   std::atomic<double> parity = config.parity;
 
   const std::jthread commands(
-      [&](const std::stop_token& done) { HearCommands(link, epoch, recorder, parity, done); });
+      [&](const std::stop_token& done) { HearCommands(link, epoch, head, recorder, parity, done); });
+  std::atomic<std::int64_t> head_send_errors = 0;
+  std::jthread watching_head;
+  if (head != nullptr) {
+    watching_head = std::jthread([&](const std::stop_token& done) {
+      head_send_errors = PublishAngles(*head, link, epoch, recorder, done);
+    });
+  }
   std::jthread publishing([&] {
     Publisher publisher(config, link, epoch);
     std::array<std::int64_t, 5> next_index{};
@@ -129,6 +171,8 @@ AgentTotals RunAgent(Source& source, Pace pace, LcmLink& link, const PublisherCo
   }
   queue.Close();
   publishing.join();
+  watching_head = {};
+  totals.send_errors += head_send_errors;
   totals.dropped = dropped;
   return totals;
 }

@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "capture_agent/agent.h"
+#include "capture_agent/head/synthetic_head.h"
 #include "capture_agent/sources/synthetic_source.h"
 #include "capture_agent/sources/synthetic_views.h"
 #include "capture_agent/sources/take_source.h"
@@ -25,7 +26,32 @@ struct Options {
   double parity = kDefaultParity;
 };
 
-Result<std::unique_ptr<Source>> OpenSource(const Options& options, Pace pace) {
+// The cameras, and what they stand on where the server may move it.
+struct Rigged {
+  std::unique_ptr<SyntheticHead> head;
+  std::unique_ptr<Source> source;
+};
+
+Result<std::optional<Rig>> GivenRig(const Options& options) {
+  if (options.rig_file.empty()) return std::optional<Rig>();
+  auto rig = LoadRig(options.rig_file);
+  if (!rig) return tl::unexpected(rig.error());
+  for (const std::string& warning : rig->warnings) spdlog::warn("rig {}: {}", options.rig_file, warning);
+  return std::optional<Rig>(rig->rig);
+}
+
+Result<Rigged> OpenSynthetic(const Options& options, Pace pace) {
+  auto rig = GivenRig(options);
+  if (!rig) return tl::unexpected(rig.error());
+  Rigged rigged;
+  if (!*rig || (*rig)->ptu) rigged.head = std::make_unique<SyntheticHead>();
+  auto source = MakeSyntheticSource(*rig, {.figure = options.source == "synthetic"}, rigged.head.get(), pace);
+  if (!source) return tl::unexpected(source.error());
+  rigged.source = std::move(*source);
+  return rigged;
+}
+
+Result<Rigged> OpenSource(const Options& options, Pace pace) {
   constexpr std::string_view kTake = "take:";
   if (options.source.starts_with(kTake)) {
     auto take = OpenTake(options.source.substr(kTake.size()));
@@ -33,16 +59,13 @@ Result<std::unique_ptr<Source>> OpenSource(const Options& options, Pace pace) {
     for (const std::string& warning : take->warnings) spdlog::warn("take {}", warning);
     spdlog::info("take folder={} color={} depth={} amplitude={} fisheye={}", take->folder.string(),
                  take->color.size(), take->depth.size(), take->amplitude.size(), take->fisheye.size());
-    return MakeTakeSource(std::move(*take), pace, options.loop ? AtEnd::kLoop : AtEnd::kStop);
+    return Rigged{nullptr,
+                  MakeTakeSource(std::move(*take), pace, options.loop ? AtEnd::kLoop : AtEnd::kStop)};
   }
-  if (options.source == "synthetic") {
-    if (options.rig_file.empty()) return MakeSyntheticSource(std::nullopt, pace);
-    auto rig = LoadRig(options.rig_file);
-    if (!rig) return tl::unexpected(rig.error());
-    for (const std::string& warning : rig->warnings) spdlog::warn("rig {}: {}", options.rig_file, warning);
-    return MakeSyntheticSource(rig->rig, pace);
-  }
-  return Fail(ErrorCode::kInvalidConfig, "--source " + options.source + " is neither take:DIR nor synthetic");
+  if (options.source == "synthetic" || options.source == "synthetic:empty")
+    return OpenSynthetic(options, pace);
+  return Fail(ErrorCode::kInvalidConfig,
+              "--source " + options.source + " is neither take:DIR nor synthetic nor synthetic:empty");
 }
 
 // Writes the views and ends: nothing is published.
@@ -51,16 +74,12 @@ Status RecordViews(const Options& options) {
     return Fail(ErrorCode::kInvalidConfig, "--views: only --source synthetic knows its own views");
   if (options.record.empty())
     return Fail(ErrorCode::kInvalidConfig, "--views needs --record DIR, the folder to write");
-  std::optional<Rig> rig;
-  if (!options.rig_file.empty()) {
-    auto loaded = LoadRig(options.rig_file);
-    if (!loaded) return tl::unexpected(loaded.error());
-    rig = loaded->rig;
-  }
+  auto rig = GivenRig(options);
+  if (!rig) return tl::unexpected(rig.error());
   const SyntheticViews views = options.views == "calibration" ? SyntheticViews::kCalibration
                                : options.views == "hand-eye"  ? SyntheticViews::kHandEye
                                                               : SyntheticViews::kScan;
-  return WriteSyntheticViews(views, rig, options.record);
+  return WriteSyntheticViews(views, *rig, options.record);
 }
 
 // The rig.json that a recording gets: the one given, or the played take's.
@@ -82,8 +101,8 @@ Status Run(const Options& options) {
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
 
   const Pace pace = options.rate == "real" ? Pace::kReal : Pace::kMax;
-  auto source = OpenSource(options, pace);
-  if (!source) return tl::unexpected(source.error());
+  auto rigged = OpenSource(options, pace);
+  if (!rigged) return tl::unexpected(rigged.error());
   auto link = LcmLink::Create(options.lcm_url);
   if (!link) return tl::unexpected(link.error());
 
@@ -107,7 +126,8 @@ Status Run(const Options& options) {
   config.name = options.name;
   config.parity = options.parity;
   spdlog::info("agent name={} source={} lcm={}", options.name, options.source, options.lcm_url);
-  const AgentTotals t = RunAgent(**source, pace, **link, config, recorder.get(), stop.get_token());
+  const AgentTotals t =
+      RunAgent(*rigged->source, rigged->head.get(), pace, **link, config, recorder.get(), stop.get_token());
   spdlog::info("agent end captured={} published={} dropped={} unreadable={} send_errors={}", t.captured,
                t.published, t.dropped, t.unreadable, t.send_errors);
   if (t.captured == 0 && t.unreadable > 0) {
@@ -125,7 +145,8 @@ int main(int argc, char** argv) {
       "Publishes the pictures of a camera head (colour, depth, amplitude, fisheye, angles) over LCM."};
   app.set_version_flag("--version", std::string("mixstage-agent ") + mixstage::kVersion);
   app.add_option("--source", options.source,
-                 "take:DIR (a capture folder) or synthetic (a room and a walking figure)")
+                 "take:DIR (a capture folder), synthetic (a room and a walking figure) or synthetic:empty "
+                 "(no figure)")
       ->required();
   app.add_flag("--loop", options.loop, "take: start again at its end, times carried on");
   app.add_option("--rate", options.rate, "take: real time, or max (as fast as the network takes it)")

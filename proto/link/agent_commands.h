@@ -15,14 +15,15 @@
 
 namespace mixstage {
 
-enum class AgentVerb : std::int32_t { kRecord = 1, kStopRecording = 2, kParity = 3 };
+enum class AgentVerb : std::int32_t { kRecord = 1, kStopRecording = 2, kParity = 3, kMoveHead = 4 };
 
 inline constexpr std::int64_t kEveryAgent = 0;      // as target_epoch
 inline constexpr int kMaxParityThousandths = 1000;  // value of kParity
 
 struct AgentCommand {
   AgentVerb verb = AgentVerb::kRecord;
-  int value = 0;
+  int value = 0;                     // kParity
+  double pan_deg = 0, tilt_deg = 0;  // kMoveHead: finite; the agent knows its head's limits
 };
 
 // The server's side. Send: any thread. SendDue: the thread that publishes on the link, now and then.
@@ -51,13 +52,15 @@ class CommandSender {
 class CommandReceiver {
  public:
   explicit CommandReceiver(std::int64_t epoch) : epoch_(epoch) {}
-  // The command, once; nothing when it is for another agent, was done, or makes no sense.
+  // The command, once; nothing when it is for another agent, was done, or makes no sense, and for a move of
+  // the head that came after a later one: the last wish counts.
   std::optional<AgentCommand> Take(const mixstage_lcm::agent_command_t& message);
 
  private:
   const std::int64_t epoch_;
   std::array<std::int64_t, CommandSender::kMaxPending> done_{};  // sequences, the newest overwrite the oldest
   std::size_t done_count_ = 0;
+  std::optional<std::int64_t> last_move_;  // sequence
 };
 
 }  // namespace mixstage

@@ -30,7 +30,7 @@ class LcmLink {
   LcmLink(const LcmLink&) = delete;
   LcmLink& operator=(const LcmLink&) = delete;
 
-  // Publishing: any one thread. False when the socket refused the datagram (the caller counts it).
+  // Publishing: any thread. False when the socket refused the datagram (the caller counts it).
   bool Publish(const mixstage_lcm::frame_slice_t& slice);
   bool Publish(const mixstage_lcm::head_angles_t& angles);
   bool Publish(const mixstage_lcm::agent_health_t& health);

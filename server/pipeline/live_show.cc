@@ -89,7 +89,7 @@ void LiveShow::GreetNewAgents(std::int64_t now_us) {
   if (heard == epochs_greeted_) return;
   epochs_greeted_ = heard;
   greet_due_us_ = now_us + kGreetPauseUs;
-  SendToAgents({AgentVerb::kParity, parity_thousandths_});
+  SendToAgents({.verb = AgentVerb::kParity, .value = parity_thousandths_});
 }
 
 void LiveShow::SendToAgents(AgentCommand command, std::int64_t target_epoch) {
@@ -98,7 +98,7 @@ void LiveShow::SendToAgents(AgentCommand command, std::int64_t target_epoch) {
 
 void LiveShow::SetAgentParity(double share) {
   parity_thousandths_ = static_cast<int>(std::lround(share * kMaxParityThousandths));
-  SendToAgents({AgentVerb::kParity, parity_thousandths_});
+  SendToAgents({.verb = AgentVerb::kParity, .value = parity_thousandths_});
 }
 
 void LiveShow::RunFrames() {
