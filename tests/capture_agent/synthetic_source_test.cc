@@ -14,6 +14,19 @@
 namespace mixstage {
 namespace {
 
+// A quarter of the small set's pictures again: many views are rendered here.
+Rig TinyRig() {
+  Rig rig = SmallRig();
+  PinholeCamera& depth = rig.depth->camera;
+  rig.color.width = 64;
+  rig.color.height = 48;
+  for (double* value : {&rig.color.fx, &rig.color.fy, &rig.color.cx, &rig.color.cy}) *value *= 0.256;
+  depth.width = 44;
+  depth.height = 36;
+  for (double* value : {&depth.fx, &depth.fy, &depth.cx, &depth.cy}) *value *= 0.25;
+  return rig;
+}
+
 cv::Mat1w FirstDepth(Source& source) {
   for (int i = 0; i < 10; ++i) {
     auto captured = source.Next({});
@@ -29,10 +42,10 @@ TEST(SyntheticSource, ShowsWhatTheHeadSeesFromWhereItStands) {
   SyntheticHead head;
   ASSERT_TRUE(head.MoveToAt(MonotonicMicros() - 10'000'000, 21, 4));
   const SyntheticConfig config{.seed = 3, .noise = SensorNoise::kNone, .figure = false};
-  auto source = MakeSyntheticSource(SmallRig(), config, &head, Pace::kMax);
+  auto source = MakeSyntheticSource(TinyRig(), config, &head, Pace::kMax);
   ASSERT_TRUE(source);
   const cv::Mat1w sent = FirstDepth(**source);
-  auto truth = SyntheticScene::Create(SmallRig(), config);
+  auto truth = SyntheticScene::Create(TinyRig(), config);
   ASSERT_TRUE(truth);
   cv::Mat1w range, amplitude;
   truth->RenderTof(0, range, amplitude);
@@ -44,7 +57,7 @@ TEST(SyntheticSource, ShowsWhatTheHeadSeesFromWhereItStands) {
 
 TEST(SyntheticSource, ExposesNothingWhileAShortMoveLasts) {
   SyntheticHead head;
-  auto source = MakeSyntheticSource(SmallRig(), {.figure = false}, &head, Pace::kReal);
+  auto source = MakeSyntheticSource(TinyRig(), {.figure = false}, &head, Pace::kReal);
   ASSERT_TRUE(source);
   ASSERT_TRUE((*source)->Next({}));
   ASSERT_TRUE(head.MoveTo(5, 0));
@@ -61,7 +74,7 @@ TEST(SyntheticSource, ExposesNothingWhileAShortMoveLasts) {
 TEST(SyntheticViews, AreWrittenAsACaptureFolderWithWhatIsKnownOfTheRig) {
   const std::filesystem::path folder =
       std::filesystem::path(testing::TempDir()) / ("views_test_" + std::to_string(getpid()));
-  const Rig rig = SmallRig();
+  const Rig rig = TinyRig();
   const auto plan = ViewsOf(SyntheticViews::kHandEye, rig);
   ASSERT_TRUE(WriteSyntheticViews(SyntheticViews::kHandEye, rig, folder));
   const auto take = OpenTake(folder);
