@@ -7,12 +7,14 @@
 #include "proto/base/log.h"
 #include "proto/base/version.h"
 #include "proto/geometry/rig.h"
+#include "proto/link/lcm_link.h"
 #include "server/app/access_commands.h"
 #include "server/app/calibrate.h"
 #include "server/app/config.h"
 #include "server/app/process.h"
 #include "server/app/run.h"
 #include "server/app/scan.h"
+#include "server/app/scan_live.h"
 #include "server/scene/model_process.h"
 #include "server/scene/scene_file.h"
 
@@ -142,11 +144,37 @@ int Calibrate(const CalibrateFlags& f) {
 }
 
 struct ScanFlags {
-  std::string views, rig, out;
-  bool json = false;
+  std::string views, rig, out, lcm = kDefaultLcmUrl, pan, tilt;
+  bool live = false, json = false;
 };
 
-int Scan(const ScanFlags& f) {
+// Moves the head over the room; what it recorded is then scanned as any sweep.
+Status Sweep(ScanFlags& f) {
+  if (!f.views.empty()) return Fail(ErrorCode::kInvalidConfig, "scan takes --views or --live, not both");
+  if (f.rig.empty()) return Fail(ErrorCode::kInvalidConfig, "scan --live needs --rig");
+  LiveScanOptions options;
+  options.rig = f.rig;
+  options.lcm_url = f.lcm;
+  options.silent = f.json;
+  f.views = (std::filesystem::path(f.out) / "views").string();
+  options.views = f.views;
+  if (!f.pan.empty()) {
+    if (auto ok = ParseSpan(f.pan, options.area.pan_from_deg, options.area.pan_to_deg); !ok)
+      return Within("--pan", ok.error());
+  }
+  if (!f.tilt.empty()) {
+    if (auto ok = ParseSpan(f.tilt, options.area.tilt_from_deg, options.area.tilt_to_deg); !ok)
+      return Within("--tilt", ok.error());
+  }
+  return RecordSweep(options);
+}
+
+int Scan(ScanFlags f) {
+  if (f.live) {
+    if (auto ok = Sweep(f); !ok) return Report(ok.error());
+  } else if (f.views.empty()) {
+    return Report({ErrorCode::kInvalidConfig, "scan needs --views DIR, or --live"});
+  }
   auto report = RunScan({.views = f.views, .rig = f.rig, .out = f.out, .silent = f.json});
   if (!report) return Report(report.error());
   if (f.json) std::fputs(report->c_str(), stdout);
@@ -272,16 +300,21 @@ int main(int argc, char** argv) {
 
   ScanFlags scan;
   CLI::App* scan_command = app.add_subcommand("scan", "a sweep of the head to a textured model of the room");
-  scan_command
-      ->add_option("--views", scan.views,
-                   "capture folder of the sweep: colour, depth, ptu.txt (or groundtruth.txt)")
-      ->required();
+  scan_command->add_option("--views", scan.views,
+                           "capture folder of the sweep: colour, depth, ptu.txt (or groundtruth.txt)");
+  scan_command->add_flag("--live", scan.live,
+                         "move an agent's head over the room and record the sweep, into OUT/views");
+  scan_command->add_option("--lcm", scan.lcm, "live: LCM URL")->capture_default_str();
+  scan_command->add_option("--pan", scan.pan, "live: A:B, what to cover, degrees (default -60:60)");
+  scan_command->add_option("--tilt", scan.tilt, "live: C:D (default -50:50)");
   scan_command->add_option(
       "--rig", scan.rig,
       "rig.json of mixstage-server calibrate (default: the folder's, or the one a folder up)");
   scan_command->add_option("--out", scan.out, "environment folder to write")->required();
   scan_command->add_flag("--json", scan.json, "print report.json, no progress");
-  scan_command->footer("Example: mixstage-server scan --views sweep --rig rig.json --out room");
+  scan_command->footer(
+      "Examples: mixstage-server scan --views sweep --rig rig.json --out room\n"
+      "          mixstage-server scan --live --rig rig.json --out room");
 
   CheckFlags check;
   CLI::App* check_command =
