@@ -20,16 +20,13 @@ Status Write(const std::filesystem::path& file, const std::string& text) {
 }
 
 Result<NominalRig> Nominal(const CalibrateOptions& options) {
-  NominalRig nominal;
   const auto file = options.rig ? options.rig : RigFileOf(options.views.front());
-  if (!file) return nominal;
+  if (!file) return NominalRig();
   auto loaded = LoadRig(*file);
   if (!loaded) return tl::unexpected(loaded.error());
   for (const std::string& warning : loaded->warnings)
     std::fprintf(stderr, "%s: warning: %s\n", file->c_str(), warning.c_str());
-  nominal.rig = std::move(loaded->rig);
-  nominal.given = true;
-  return nominal;
+  return NominalRig{.rig = std::move(loaded->rig), .given = true};
 }
 
 }  // namespace

@@ -19,7 +19,7 @@ constexpr std::int64_t kAgentGoneUs = 2'000'000;
 constexpr std::int64_t kSendAgainUs = 3'000'000;  // a command may be lost three times
 constexpr std::int64_t kNotMovingUs = 8'000'000;  // a head that has not stirred by then does not go there
 constexpr std::int64_t kPositionUs = 60'000'000;  // a slow head's longest way, and its pictures
-constexpr std::int64_t kTakeGapUs = 1'000'000;    // between positions, on the take's clock
+constexpr std::int64_t kTakeGapUs = 10'000'000;   // between positions, on the take's clock
 constexpr std::size_t kMaxReadings = 1'000, kMaxAmplitudes = 16;
 
 std::string Text(const HeadPosition& at) {
