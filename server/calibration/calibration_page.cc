@@ -153,6 +153,26 @@ std::string RangePlot(const RangeCurve& r) {
                    1e3 * r.dark_minus_bright_m, 1e3 * r.dark_minus_bright_std_m);
 }
 
+std::string HeadSection(const HandEyeResult& h) {
+  std::string html =
+      "<h2>Head</h2>" +
+      Text(
+          "<p>Between two positions of a sweep (&#177;40&#176; pan, &#177;34&#176; tilt) the colour "
+          "camera's pose is predicted to %.3f&#176; and %.2f mm; the encoders' own noise: pan "
+          "%.4f&#176;, tilt %.4f&#176;.</p><div class='row'><table>",
+          h.sweep_sd_deg, h.sweep_sd_mm, h.pan_noise_deg, h.tilt_noise_deg);
+  for (const HandEyeFigure& f : h.figures)
+    html += "<tr><td>" + Escaped(f.name) + Text("</td><td>%.4f &#177; %.4f ", f.value, f.sd) +
+            Escaped(f.unit) + "</td></tr>";
+  html += "</table><table><tr><th>view</th><th>rms px</th><th>pan, tilt off</th><th></th></tr>";
+  for (const HandEyeViewFit& v : h.views)
+    html += "<tr><td>" + Escaped(v.name) +
+            Text("</td><td>%.3f</td><td>%+.4f&#176; %+.4f&#176;</td><td>", v.rms_px, -v.pan_correction_deg,
+                 -v.tilt_correction_deg) +
+            Escaped(v.reason) + "</td></tr>";
+  return html + "</table></div>" + List("Weakly determined", h.weak) + List("Held", h.held);
+}
+
 }  // namespace
 
 std::string CalibrationPage(const RigCalibration& c) {
@@ -180,6 +200,7 @@ std::string CalibrationPage(const RigCalibration& c) {
     html += Coverage(c.scene, i) + "</div><div>" + Spread(c.scene, i, f) +
             LensTable(camera, i < c.deviations.size() ? c.deviations[i] : std::nullopt) + "</div></div>";
   }
+  if (c.hand_eye) html += HeadSection(*c.hand_eye);
   if (c.range) html += "<h2>Range error</h2>" + RangePlot(*c.range);
   std::vector<std::string> left_out;
   for (const PictureNote& n : c.notes) left_out.push_back(n.file + ": " + n.note);

@@ -51,6 +51,31 @@ Json Range(const RangeCurve& r) {
           {"std_m", r.std_m}};
 }
 
+Json HandEye(const HandEyeResult& h) {
+  Json json;
+  for (const HandEyeFigure& f : h.figures)
+    json["figures"].push_back({{"name", f.name}, {"value", f.value}, {"std", f.sd}, {"unit", f.unit}});
+  json["noise"] = {{"pan_deg", h.pan_noise_deg},
+                   {"tilt_deg", h.tilt_noise_deg},
+                   {"color_px", h.color_noise_px},
+                   {"amplitude_px", h.amplitude_noise_px},
+                   {"fisheye_px", h.fisheye_noise_px}};
+  json["sweep_std"] = {{"deg", h.sweep_sd_deg}, {"mm", h.sweep_sd_mm}};
+  json["weak"] = h.weak;
+  json["held"] = h.held;
+  json["views"] = Json::array();
+  for (const HandEyeViewFit& v : h.views) {
+    Json view = {{"name", v.name},
+                 {"used", v.used},
+                 {"rms_px", v.rms_px},
+                 {"pan_correction_deg", v.pan_correction_deg},
+                 {"tilt_correction_deg", v.tilt_correction_deg}};
+    if (!v.reason.empty()) view["why"] = v.reason;
+    json["views"].push_back(std::move(view));
+  }
+  return json;
+}
+
 }  // namespace
 
 std::string CalibrationJson(const RigCalibration& c, double seconds) {
@@ -65,6 +90,7 @@ std::string CalibrationJson(const RigCalibration& c, double seconds) {
         Camera(c.scene.cameras[i], c.figures[i], i < c.deviations.size() ? c.deviations[i] : std::nullopt);
   }
   if (c.range) json["range_error"] = Range(*c.range);
+  if (c.hand_eye) json["hand_eye"] = HandEye(*c.hand_eye);
   json["left_out"] = Json::array();
   for (const PictureNote& n : c.notes) json["left_out"].push_back({{"file", n.file}, {"why", n.note}});
   for (const SceneSighting& s : c.scene.sightings) {

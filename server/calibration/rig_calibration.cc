@@ -8,6 +8,7 @@
 
 #include "proto/take/picture_files.h"
 #include "server/calibration/calibration_gates.h"
+#include "server/calibration/hand_eye_views.h"
 #include "server/calibration/joint_adjustment.h"
 #include "server/calibration/lens_start.h"
 #include "server/calibration/opencv_figures.h"
@@ -204,6 +205,15 @@ Result<RigCalibration> CalibrateRig(const std::vector<ViewFolder>& folders, cons
     CalibrateRange(nominal, *depth, c);
   }
   FillRig(nominal, c);
+  if (const auto views = HandEyeViews(c)) {
+    stage("fitting the head's axes");
+    if (auto hand_eye = CalibrateHandEye(*views)) {
+      c.rig.ptu = hand_eye->ptu;
+      c.hand_eye = std::move(*hand_eye);
+    } else {
+      c.failed_gates.push_back(hand_eye.error().message);
+    }
+  }
   JudgeCalibration(c);
   return c;
 }

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The calibration of a head's cameras from views of boards, start to end, MixIn3D 2.1: detection, a start of
-// every camera, the joint adjustment, the ToF camera's range error; and what says whether it is good enough.
+// every camera, the joint adjustment, the ToF camera's range error, the head that carries them; and what says
+// whether it is good enough.
 #pragma once
 
 #include <functional>
@@ -9,6 +10,7 @@
 #include <vector>
 
 #include "server/calibration/deviations.h"
+#include "server/calibration/hand_eye.h"
 #include "server/calibration/range_curve.h"
 #include "server/calibration/view_detection.h"
 
@@ -40,6 +42,7 @@ struct RigCalibration {
   std::vector<CameraFigures> figures;  // per camera of the scene
   Deviations deviations;
   std::optional<RangeCurve> range;
+  std::optional<HandEyeResult> hand_eye;  // where the head turned before boards that stood still
   std::vector<std::string> warnings;
   std::vector<std::string> failed_gates;  // why this is no calibration to work with; empty = it is
   std::vector<std::string> advice;        // what views would make it better
