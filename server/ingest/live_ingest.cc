@@ -82,7 +82,7 @@ bool LiveIngest::Follows(std::int64_t epoch, std::int64_t now_us) {
     next_sequence_ = -1;
     depths_.clear();
     amplitude_.release();
-    head_.reset();
+    head_.Clear();
   }
   followed_heard_us_ = now_us;
   return true;
@@ -116,7 +116,7 @@ void LiveIngest::OnColor(const EncodedFrame& encoded, std::int64_t now_us) {
   }
   if (recorder_ != nullptr) recorder_->Picture(TakeList::kColor, frame->capture_us, encoded.bytes);
   frame->depth = NewestDepthBefore(frame->capture_us);
-  frame->head = head_;
+  frame->head = head_.At(encoded.t_us);
   {
     const std::lock_guard lock(mutex_);
     ++status_.color_pictures;
@@ -177,7 +177,7 @@ void LiveIngest::OnHead(const mixstage_lcm::head_angles_t& angles, std::int64_t 
   }
   if (angles.epoch != followed_epoch_) return;
   clock_.Observe(angles.t_us, now_us);
-  head_ = HeadAngles{angles.pan_deg, angles.tilt_deg};
+  head_.Add(angles.t_us, {angles.pan_deg, angles.tilt_deg});
   if (recorder_ != nullptr) recorder_->Head(clock_.ToServer(angles.t_us), angles.pan_deg, angles.tilt_deg);
 }
 

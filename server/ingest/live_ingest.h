@@ -21,6 +21,7 @@
 #include "server/ingest/captured_frame.h"
 #include "server/ingest/clock_map.h"
 #include "server/ingest/delay_window.h"
+#include "server/ingest/head_track.h"
 
 namespace mixstage {
 
@@ -102,7 +103,7 @@ class LiveIngest {
   std::deque<std::shared_ptr<const DepthPicture>> depths_;  // newest at the back
   std::int64_t amplitude_t_us_ = 0;
   cv::Mat1w amplitude_;
-  std::optional<HeadAngles> head_;
+  HeadTrack head_;  // agent's clock
 
   mutable std::mutex mutex_;  // guards status_
   IngestStatus status_;

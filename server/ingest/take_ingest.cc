@@ -5,12 +5,14 @@
 #include <cmath>
 
 #include "proto/take/picture_files.h"
+#include "server/ingest/head_track.h"
 
 namespace mixstage {
 namespace {
 
 // Half a microsecond: times in lists are decimal roundings of one instant.
 constexpr double kSameInstantS = 1e-6;
+constexpr std::ptrdiff_t kHeadReadings = 32;
 
 template <typename Entry>
 std::ptrdiff_t LastAtOrBefore(const std::vector<Entry>& entries, double t_s) {
@@ -50,10 +52,14 @@ Result<std::shared_ptr<const CapturedFrame>> TakeIngest::Load(int index, std::st
       }
     }
   }
-  if (const std::ptrdiff_t at = LastAtOrBefore(take_.head, entry.t_s); at >= 0) {
-    const HeadSample& sample = take_.head[static_cast<std::size_t>(at)];
-    frame->head = HeadAngles{sample.pan_deg, sample.tilt_deg};
+  // The readings around the picture.
+  HeadTrack head;
+  const std::ptrdiff_t last = LastAtOrBefore(take_.head, entry.t_s + 1e-6 * HeadTrack::kReachUs);
+  for (std::ptrdiff_t i = std::max<std::ptrdiff_t>(0, last - kHeadReadings); i <= last; ++i) {
+    const HeadSample& sample = take_.head[static_cast<std::size_t>(i)];
+    head.Add(std::llround(sample.t_s * 1e6), {sample.pan_deg, sample.tilt_deg});
   }
+  frame->head = head.At(std::llround(entry.t_s * 1e6));
   return frame;
 }
 
