@@ -8,7 +8,7 @@
 #include <cstdint>
 
 #include "proto/codec/yuv_image.h"
-#include "server/composite/srgb.h"
+#include "server/render/srgb.h"
 
 namespace mixstage {
 

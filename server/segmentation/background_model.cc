@@ -2,7 +2,9 @@
 #include "server/segmentation/background_model.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
@@ -96,29 +98,7 @@ void SetColor(const RoomStatistics& s, BackgroundModel* model) {
     model->mean[c] = s.mean[c].clone();
     model->variance[c] = ColorVariance(s.mean[c], s.sigma[c], s.sample_count);
   }
-  model->texture_noise = TextureNoise(model->variance[1]);
-  const cv::Size size = s.mean[0].size();
-  model->log_peak_room.create(size);
-  model->log_peak_shadow.create(size);
-  model->mean_luma.create(size);
-  for (int y = 0; y < size.height; ++y) {
-    for (int x = 0; x < size.width; ++x) {
-      float half_log = 0;
-      float square = 0;
-      for (std::size_t c = 0; c < 3; ++c) {
-        half_log += 0.5f * std::log(2 * kPi * model->variance[c](y, x));
-        square += model->mean[c](y, x) * model->mean[c](y, x);
-      }
-      const float log_range = std::log(255.0f);
-      model->log_peak_room(y, x) = half_log - 3 * log_range;
-      // In shadow the brightness is free on a stretch of 0.6 |I_m|; the two chromatic directions stay
-      // Gaussian.
-      const float stretch = std::max(0.6f * std::sqrt(square), 1.0f);
-      model->log_peak_shadow(y, x) = half_log * (2.0f / 3.0f) - 3 * log_range + std::log(stretch);
-      model->mean_luma(y, x) =
-          0.299f * model->mean[0](y, x) + 0.587f * model->mean[1](y, x) + 0.114f * model->mean[2](y, x);
-    }
-  }
+  FinishColor(model);
 }
 
 // Typical sigma at each distance (half-metre bins): ToF noise grows with range, disparity noise with its
@@ -149,21 +129,10 @@ void SetDepth(const RoomStatistics& s, BackgroundModel* model) {
   cv::multiply(pooled, known, pooled);
   cv::blur(pooled, pooled, {5, 5}, {-1, -1}, cv::BORDER_REPLICATE);
   cv::blur(known, count, {5, 5}, {-1, -1}, cv::BORDER_REPLICATE);
-  cv::Mat1f farthest, nearest;
-  const cv::Mat kernel = cv::getStructuringElement(cv::MORPH_RECT, {3, 3});
-  cv::dilate(s.depth_m, farthest, kernel);
-  cv::Mat1f filled = s.depth_m.clone();
-  cv::Mat1b hole;
-  cv::compare(s.depth_m, 0, hole, cv::CMP_LE);
-  filled.setTo(1e6f, hole);
-  cv::erode(filled, nearest, kernel);
-
   const std::vector<float> typical = SigmaByDistance(s);
   model->room_depth_m = s.depth_m.clone();
-  for (cv::Mat1f* plane : {&model->sigma_m, &model->depth_weight, &model->log_peak_depth}) {
-    plane->create(s.depth_m.size());
-    plane->setTo(0);
-  }
+  model->sigma_m.create(s.depth_m.size());
+  model->sigma_m.setTo(0);
   for (int y = 0; y < s.depth_m.rows; ++y) {
     for (int x = 0; x < s.depth_m.cols; ++x) {
       const float z = s.depth_m(y, x);
@@ -172,15 +141,20 @@ void SetDepth(const RoomStatistics& s, BackgroundModel* model) {
       const float floor = bin < typical.size() ? typical[bin] : 0.0f;
       const float own = std::sqrt(std::max(pooled(y, x), 0.0f) / std::max(count(y, x), 0.04f));
       const float steps = kDepthSigmaPerMetre * z * z;
-      const float sigma = std::hypot(std::hypot(std::max(own, floor), kLeastDepthSigma_m), steps);
-      model->sigma_m(y, x) = sigma;
-      // Beside a step a measurement may belong to either side (mixed pixels, parallax, registration).
-      const float step = (farthest(y, x) - nearest(y, x)) / (4 * sigma);
-      const float share = std::min(2 * s.depth_share(y, x), 1.0f);
-      model->depth_weight(y, x) = share / (1 + step * step);
-      model->log_peak_depth(y, x) = std::log(std::sqrt(2 * kPi) * sigma / z);
+      model->sigma_m(y, x) = std::hypot(std::hypot(std::max(own, floor), kLeastDepthSigma_m), steps);
     }
   }
+  FinishDepth(s.depth_share, model);
+}
+
+// ln x within 0.0002 of its logarithm, x > 0 and no denormal: std::log is a call for every pixel.
+float QuickLog(float x) {
+  const auto bits = std::bit_cast<std::uint32_t>(x);
+  const auto exponent = static_cast<float>(static_cast<std::int32_t>(bits >> 23) - 127);
+  const float m = std::bit_cast<float>((bits & 0x007F'FFFFu) | 0x3F80'0000u);  // 1..2
+  const float log2_m =
+      -2.786887f + m * (5.047106f + m * (-3.492776f + m * (1.594069f + m * (-0.404916f + m * 0.043434f))));
+  return 0.69314718f * (exponent + log2_m);
 }
 
 }  // namespace
@@ -205,6 +179,67 @@ BackgroundModel MakeBackgroundModel(const RoomStatistics& statistics) {
   SetColor(statistics, &model);
   SetDepth(statistics, &model);
   return model;
+}
+
+void FinishColor(BackgroundModel* model) {
+  model->texture_noise = TextureNoise(model->variance[1]);
+  const cv::Size size = model->mean[0].size();
+  model->log_peak_room.create(size);
+  model->log_peak_shadow.create(size);
+  model->mean_luma.create(size);
+  const float log_range = std::log(255.0f);
+  for (int y = 0; y < size.height; ++y) {
+    const std::array<const float*, 3> mean = {model->mean[0].ptr<float>(y), model->mean[1].ptr<float>(y),
+                                              model->mean[2].ptr<float>(y)};
+    const std::array<const float*, 3> variance = {
+        model->variance[0].ptr<float>(y), model->variance[1].ptr<float>(y), model->variance[2].ptr<float>(y)};
+    float* __restrict room = model->log_peak_room.ptr<float>(y);
+    float* __restrict shadow = model->log_peak_shadow.ptr<float>(y);
+    float* __restrict luma = model->mean_luma.ptr<float>(y);
+    for (int x = 0; x < size.width; ++x) {
+      constexpr float kTwoPiCubed = 8 * kPi * kPi * kPi;
+      const float half_log = 0.5f * QuickLog(kTwoPiCubed * variance[0][x] * variance[1][x] * variance[2][x]);
+      const float square = mean[0][x] * mean[0][x] + mean[1][x] * mean[1][x] + mean[2][x] * mean[2][x];
+      room[x] = half_log - 3 * log_range;
+      // In shadow the brightness is free on a stretch of 0.6 |I_m|; the two chromatic directions stay
+      // Gaussian.
+      const float stretch_squared = std::max(0.36f * square, 1.0f);
+      shadow[x] = half_log * (2.0f / 3.0f) - 3 * log_range + 0.5f * QuickLog(stretch_squared);
+      luma[x] = 0.299f * mean[0][x] + 0.587f * mean[1][x] + 0.114f * mean[2][x];
+    }
+    if (model->seen.empty()) continue;
+    const std::uint8_t* seen = model->seen.ptr<std::uint8_t>(y);
+    for (int x = 0; x < size.width; ++x) {
+      if (seen[x] == 0) room[x] = shadow[x] = 0;
+    }
+  }
+}
+
+void FinishDepth(const cv::Mat1f& share, BackgroundModel* model) {
+  const cv::Mat1f& room = model->room_depth_m;
+  cv::Mat1f farthest, nearest;
+  const cv::Mat kernel = cv::getStructuringElement(cv::MORPH_RECT, {3, 3});
+  cv::dilate(room, farthest, kernel);
+  cv::Mat1f filled = room.clone();
+  cv::Mat1b hole;
+  cv::compare(room, 0, hole, cv::CMP_LE);
+  filled.setTo(1e6f, hole);
+  cv::erode(filled, nearest, kernel);
+  for (cv::Mat1f* plane : {&model->depth_weight, &model->log_peak_depth}) {
+    plane->create(room.size());
+    plane->setTo(0);
+  }
+  for (int y = 0; y < room.rows; ++y) {
+    for (int x = 0; x < room.cols; ++x) {
+      const float z = room(y, x);
+      if (z <= 0) continue;
+      const float sigma = model->sigma_m(y, x);
+      // Beside a step a measurement may belong to either side (mixed pixels, parallax, registration).
+      const float step = (farthest(y, x) - nearest(y, x)) / (4 * sigma);
+      model->depth_weight(y, x) = std::min(2 * share(y, x), 1.0f) / (1 + step * step);
+      model->log_peak_depth(y, x) = QuickLog(std::sqrt(2 * kPi) * sigma / z);
+    }
+  }
 }
 
 }  // namespace mixstage

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // What is known about the empty set as a fixed camera sees it: colour statistics (piVE 3 eq 1-2) and depth of
-// the room with its noise (D_M and sigma of MixIn3D 2.4 eq 1). Built by BackgroundEstimator; the key only
-// reads it. Nothing in a model follows the live picture: an actor who stands still can never fade into it.
+// the room with its noise (D_M and sigma of MixIn3D 2.4 eq 1). Built by BackgroundEstimator from frames or by
+// PredictedBackground from a scan; the key only reads it. Nothing in a model follows the live picture: an
+// actor who stands still can never fade into it.
 #pragma once
 
 #include <array>
@@ -26,6 +27,7 @@ struct BackgroundModel {
   // of "actor" for a pixel that equals the room exactly. For the room itself and for the room in shadow.
   cv::Mat1f log_peak_room;
   cv::Mat1f log_peak_shadow;
+  cv::Mat1b seen;           // [Half(h) x Half(w)] 0 = never observed: nothing is said; empty = all was seen
   cv::Mat1f mean_luma;      // [Half(h) x Half(w)]
   cv::Mat1f texture_noise;  // [Quarter(h) x Quarter(w)] what noise alone leaves in ShadowTexture's residual
 
@@ -54,5 +56,11 @@ struct RoomStatistics {
   cv::Mat1f depth_share;           // same size: share 0..1 of frames in which the room was measured
 };
 [[nodiscard]] BackgroundModel MakeBackgroundModel(const RoomStatistics& statistics);
+
+// The last steps for both kinds of model. Color: fills what follows from width, height, mean, variance and
+// seen. Depth: what follows from room_depth_m and sigma_m; share [Quarter(h) x Quarter(w)] 0..1: how often
+// the pixel's room is measured.
+void FinishColor(BackgroundModel* model);
+void FinishDepth(const cv::Mat1f& share, BackgroundModel* model);
 
 }  // namespace mixstage

@@ -82,14 +82,15 @@ void Key::Run(const BackgroundModel& model, const HalfPicture& picture, ImageVie
        &evidence_);
   neighbor_vote_.Run(evidence_, config_.neighbor_strength, config_.neighbor_rounds, &decision_);
   region_filter_.Run(evidence_, config_.regions, &decision_);
-  Decide(half);
+  Decide(model);
   edge_coverage_.Run(picture, model, tone_, half_mask_, &half_alpha_);
   cv::threshold(half_alpha_, half_mask_, 127, 255, cv::THRESH_BINARY);
   cv::dilate(half_mask_, actor_around_, cv::getStructuringElement(cv::MORPH_RECT, {9, 9}));
   WriteFullSize(label, alpha);
 }
 
-void Key::Decide(cv::Size half) {
+void Key::Decide(const BackgroundModel& model) {
+  const cv::Size half = model.mean[0].size();
   half_shadow_.create(half);
   // Coverage before the outline is placed: an edge of clear evidence (+-2 log-odds) runs from 0 to 255.
   decision_.convertTo(half_alpha_, CV_8U, kAlphaPerByte, 128 - kAlphaPerByte * kNoEvidence);
@@ -105,6 +106,12 @@ void Key::Decide(cv::Size half) {
     }
   }
   cv::medianBlur(half_shadow_, half_shadow_, 3);
+  if (model.seen.empty()) return;
+  for (int y = 0; y < half.height; ++y) {
+    const std::uint8_t* seen = model.seen.ptr<std::uint8_t>(y);
+    std::uint8_t* label = half_shadow_.ptr<std::uint8_t>(y);
+    for (int x = 0; x < half.width; ++x) label[x] = seen[x] == 0 ? std::uint8_t{kLabelUnknown} : label[x];
+  }
 }
 
 void Key::WriteFullSize(ImageView<std::uint8_t> label, ImageView<std::uint8_t> alpha) {

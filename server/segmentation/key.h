@@ -53,7 +53,7 @@ class Key {
 
  private:
   explicit Key(const KeyConfig& config) : config_(config) {}
-  void Decide(cv::Size half);
+  void Decide(const BackgroundModel& model);
   void WriteFullSize(ImageView<std::uint8_t> label, ImageView<std::uint8_t> alpha);
 
   KeyConfig config_;

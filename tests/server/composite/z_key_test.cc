@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "server/composite/mix.h"
-#include "server/composite/srgb.h"
+#include "server/render/srgb.h"
 
 namespace mixstage {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/composite/srgb.h"
+#include "server/render/srgb.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The scanned room drawn into the colour camera's view: D_M and the background's colour from any pose
+// (MixIn3D 2.3, 2.4; algorithms 13: visibility first, every visible pixel is then textured once).
+#pragma once
+
+#include <memory>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "proto/base/result.h"
+#include "proto/geometry/rig.h"
+#include "server/environment/environment_folder.h"
+#include "server/environment/room_prediction.h"
+#include "server/raster/render_device.h"
+#include "server/render/fragment_rows.h"
+#include "server/render/texture_mips.h"
+
+namespace mixstage {
+
+class RoomView {
+ public:
+  // A pose is at rest while no pixel moves further than this, whatever lies half a metre away or beyond.
+  static constexpr double kRest_px = 0.02;
+
+  // color, vignetting of `rig`; room is valid (checked). Fails (kInvalidConfig) where the camera is not
+  // valid.
+  static Result<RoomView> Create(const Rig& rig, RoomModel room, const RenderDevice& device = {});
+
+  // What the camera would see from there. Draws anew only where the pose has moved. The pictures of a redraw
+  // are new memory: who holds earlier ones keeps them. One thread at a time.
+  const RoomPrediction& Look(const RigidTransform& T_world_color);
+
+  // Of the last Look: [h x w] sRGB, B G R; 0 where never observed. Shaded on demand.
+  [[nodiscard]] cv::Mat3b Picture();
+
+ private:
+  // A surface in an output pixel.
+  struct Fragment {
+    std::int32_t triangle = 0, column = 0;
+    float ray_x = 0, ray_y = 0;
+    float share = 0;  // of the pixel
+  };
+  // Pictures of the whole picture's size or of half of it.
+  struct Shading {
+    cv::Mat2f rays;  // (x/z, y/z) of the pixel centres
+    cv::Mat1f gain;  // vignetting
+    float pixel_rad = 0;
+  };
+
+  RoomView(const Rig& rig, RoomModel room, std::unique_ptr<Rasteriser> rasteriser);
+  static Shading ShadingOf(const Rig& rig, const PinholeCamera& camera);
+  void Redraw(const RigidTransform& T_world_color);
+  [[nodiscard]] float DepthAround(int u, int v) const;
+  void FillThinGaps(const cv::Mat1f& half_depth_m);
+  void CollectFull(int v);
+  void CollectHalf(int v);
+  // rgba of the collected fragments: linear light times share, the share.
+  void Shade(const Shading& shading, int v, std::vector<cv::Vec4f>& row);
+
+  PinholeCamera color_;
+  std::vector<Eigen::Vector3f> positions_;
+  std::vector<Eigen::Vector2f> uvs_;
+  std::vector<std::uint32_t> indices_;
+  TextureMips texture_;
+  std::unique_ptr<Rasteriser> rasteriser_;
+  Shading full_, half_;
+  RigidTransform T_world_color_ = RigidTransform::Identity();
+  RoomPrediction prediction_;
+  const VisibilityBuffer* visible_ = nullptr;  // of the last redraw
+  // Scratch of a row and of a redraw.
+  std::vector<Eigen::Array4f> corners_;  // of every vertex: x, y, z in the camera's frame, u
+  std::vector<Fragment> fragments_;
+  std::vector<const TextureMips*> textures_;
+  FragmentRows rows_;
+  std::vector<float> rgba_;
+  std::vector<cv::Vec4f> row_;
+};
+
+}  // namespace mixstage
