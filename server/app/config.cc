@@ -70,6 +70,7 @@ Status ReadAll(YamlFields& f, const std::string& place, const fs::path& folder, 
     c.parity = parity;
   }
   if (auto ok = ReadPath(f, "rig", folder, c.rig); !ok) return ok;
+  if (auto ok = ReadPath(f, "environment", folder, c.environment); !ok) return ok;
   if (auto ok = ReadPath(f, "scene", folder, c.scene); !ok) return ok;
   auto background = [&](YamlFields& b) -> Status {
     if (auto ok = ReadPath(b, "clean_plate", folder, c.clean_plate); !ok) return ok;
@@ -152,6 +153,7 @@ std::string ToYaml(const StudioConfig& c) {
   out << "version: 1\nname: " << quoted(c.name) << "\nlcm: " << quoted(c.lcm_url) << "\n";
   if (c.parity) out << "parity: " << *c.parity << "\n";
   path("rig", c.rig);
+  path("environment", c.environment);
   path("scene", c.scene);
   out << "background:\n";
   path("  clean_plate", c.clean_plate);

@@ -21,6 +21,7 @@ struct StudioConfig {
   std::string lcm_url = kDefaultLcmUrl;
   std::optional<double> parity;       // 0 .. 1, asked of the agents; nothing = they keep their own
   std::filesystem::path rig;          // rig.json
+  std::filesystem::path environment;  // folder of a scanned room; empty = none
   std::filesystem::path scene;        // scene.yaml; empty = no CG
   std::filesystem::path clean_plate;  // a take of the empty set; empty = learn it live
   int learn_frames = 30;              // L of piVE eq (1)

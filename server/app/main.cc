@@ -11,6 +11,7 @@
 #include "server/app/access_commands.h"
 #include "server/app/calibrate.h"
 #include "server/app/config.h"
+#include "server/app/open_environment.h"
 #include "server/app/process.h"
 #include "server/app/run.h"
 #include "server/app/scan.h"
@@ -28,7 +29,7 @@ int Report(const Error& error) {
 }
 
 struct RunOptions {
-  std::string config, rig, scene, clean_plate, listen, lcm, page, record, renderer;
+  std::string config, rig, environment, scene, clean_plate, listen, lcm, page, record, renderer;
   std::string tokens, audit, tls_certificate, tls_key;
   bool check = false, print = false;
 };
@@ -42,6 +43,7 @@ int Run(const RunOptions& o) {
   }
   if (!o.rig.empty()) config.rig = o.rig;
   if (!o.scene.empty()) config.scene = o.scene;
+  if (!o.environment.empty()) config.environment = o.environment;
   if (!o.clean_plate.empty()) config.clean_plate = o.clean_plate;
   if (!o.listen.empty()) config.listen = o.listen;
   if (!o.lcm.empty()) config.lcm_url = o.lcm;
@@ -70,8 +72,8 @@ int Run(const RunOptions& o) {
 }
 
 struct ProcessFlags {
-  std::string take, rig, clean_plate, scene, poses, out, exports = "composite", frames, renderer = "cpu",
-                                                         mesh_format = "drc";
+  std::string take, rig, environment, clean_plate, scene, poses, out, exports = "composite", frames,
+                                                                      renderer = "cpu", mesh_format = "drc";
   double depth_unit_m = 0;
   bool encode = false, json = false;
 };
@@ -105,6 +107,7 @@ int Process(const ProcessFlags& f) {
   if (!f.rig.empty()) options.rig = f.rig;
   if (!f.scene.empty()) options.scene = f.scene;
   if (!f.poses.empty()) options.poses = f.poses;
+  if (!f.environment.empty()) options.environment = f.environment;
   if (f.clean_plate == "none") {
     options.clean_plate = CleanPlate::kNone;
   } else if (!f.clean_plate.empty()) {
@@ -182,12 +185,12 @@ int Scan(ScanFlags f) {
 }
 
 struct CheckFlags {
-  std::string config, rig, scene;
+  std::string config, rig, environment, scene;
 };
 
 int Check(const CheckFlags& f) {
-  if (f.config.empty() && f.rig.empty() && f.scene.empty()) {
-    return Report({ErrorCode::kInvalidConfig, "check what? Give --config, --rig or --scene"});
+  if (f.config.empty() && f.rig.empty() && f.environment.empty() && f.scene.empty()) {
+    return Report({ErrorCode::kInvalidConfig, "check what? Give --config, --rig, --environment or --scene"});
   }
   if (!f.rig.empty()) {
     auto rig = LoadRig(f.rig);
@@ -197,6 +200,19 @@ int Check(const CheckFlags& f) {
     std::printf("%s: good: colour %d x %d px, depth %s, pan-tilt unit %s\n", f.rig.c_str(),
                 rig->rig.color.width, rig->rig.color.height, rig->rig.depth ? "yes" : "no",
                 rig->rig.ptu ? "yes" : "no");
+  }
+  if (!f.environment.empty()) {
+    auto opened = OpenEnvironment(f.environment);
+    if (!opened) return Report(opened.error());
+    const Environment& e = opened->environment;
+    auto panorama = ReadPanorama(f.environment, e.panorama);
+    if (!panorama) return Report(panorama.error());
+    for (const std::string& warning : opened->warnings) std::printf("warning: %s\n", warning.c_str());
+    std::printf(
+        "%s: good: %zu triangles, panorama %d x %d px, %.1f %% covered, %zu planes, %zu lamps, pan-tilt unit "
+        "%s\n",
+        f.environment.c_str(), opened->room.model.triangle_count(), e.panorama.width, e.panorama.height,
+        100 * e.coverage, e.planes.size(), e.lamps.size(), e.rig.ptu ? "yes" : "no");
   }
   if (!f.scene.empty()) {
     auto scene = LoadScene(f.scene, [](const auto& file) { return LoadModelApart(file); });
@@ -232,6 +248,8 @@ int main(int argc, char** argv) {
   CLI::App* run_command = app.add_subcommand("run", "the live show: listens to agents, serves viewers");
   run_command->add_option("--config", run.config, "studio.yaml; what follows overrides it");
   run_command->add_option("--rig", run.rig, "rig.json: the cameras; or a take, whose cameras they are");
+  run_command->add_option("--environment", run.environment,
+                          "folder of a scanned room: it is keyed against, no clean plate is needed");
   run_command->add_option("--scene", run.scene, "scene.yaml: virtual objects");
   run_command->add_option("--clean-plate", run.clean_plate,
                           "capture folder of the empty set (default: learn it live)");
@@ -258,13 +276,18 @@ int main(int argc, char** argv) {
   process_command->add_option("--take", process.take, "capture folder (TUM RGB-D layout)")->required();
   process_command->add_option("--out", process.out, "folder to write to")->required();
   process_command->add_option("--rig", process.rig, "rig.json (default: the take's, or the one a folder up)");
-  process_command->add_option("--clean-plate", process.clean_plate,
-                              "capture folder of the empty set, or none (default: TAKE/clean_plate)");
+  CLI::Option* clean_plate =
+      process_command->add_option("--clean-plate", process.clean_plate,
+                                  "capture folder of the empty set, or none (default: TAKE/clean_plate)");
+  process_command
+      ->add_option("--environment", process.environment,
+                   "folder of a scanned room: it is keyed against, no clean plate is read")
+      ->excludes(clean_plate);
   process_command->add_option("--scene", process.scene, "scene.yaml: virtual objects");
   process_command->add_option("--poses", process.poses, "camera poses, TUM lines of T_world_color");
   process_command
       ->add_option("--export", process.exports,
-                   "list out of composite,depth,alpha,label,cg_alpha,mesh,pose,report")
+                   "list out of composite,depth,alpha,label,cg_alpha,predicted,mesh,pose,report")
       ->capture_default_str();
   process_command->add_option("--mesh-format", process.mesh_format, "of the export mesh: drc, ply or glb")
       ->capture_default_str();
@@ -321,6 +344,7 @@ int main(int argc, char** argv) {
       app.add_subcommand("check", "says whether a file is good, or what is wrong with it");
   check_command->add_option("--config", check.config, "studio.yaml");
   check_command->add_option("--rig", check.rig, "rig.json");
+  check_command->add_option("--environment", check.environment, "folder of a scanned room");
   check_command->add_option("--scene", check.scene, "scene.yaml");
   check_command->footer("Example: mixstage-server check --rig rig.json");
 

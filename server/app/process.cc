@@ -16,6 +16,7 @@
 #include "proto/base/log.h"
 #include "proto/base/version.h"
 #include "server/app/learn_take.h"
+#include "server/app/open_environment.h"
 #include "server/ingest/take_ingest.h"
 #include "server/pipeline/broadcast.h"
 #include "server/pipeline/frame_stages.h"
@@ -28,12 +29,13 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-constexpr std::array<std::pair<std::string_view, Export>, 8> kExportNames = {
+constexpr std::array<std::pair<std::string_view, Export>, 9> kExportNames = {
     {{"composite", Export::kComposite},
      {"depth", Export::kDepth},
      {"alpha", Export::kAlpha},
      {"label", Export::kLabel},
      {"cg_alpha", Export::kCgAlpha},
+     {"predicted", Export::kPredicted},
      {"mesh", Export::kMesh},
      {"pose", Export::kPose},
      {"report", Export::kReport}}};
@@ -48,13 +50,19 @@ class Exporter {
     fs::create_directories(out, error);
     for (const auto& [name, kind] : kExportNames) {
       if (!exports.contains(kind) || kind == Export::kPose || kind == Export::kReport) continue;
+      if (kind == Export::kPredicted) {
+        fs::create_directories(out / "predicted_color", error);
+        if (!error) fs::create_directories(out / "predicted_depth", error);
+        continue;
+      }
       fs::create_directories(out / name, error);
     }
     if (error) return Fail(ErrorCode::kUnavailable, out.string() + ": cannot be made: " + error.message());
     return Exporter(out, exports);
   }
 
-  Status Write(const Frame& frame) {
+  // room: as the frame's camera sees it; null without an environment.
+  Status Write(const Frame& frame, RoomView* room) {
     const std::string file = frame.captured->stem + ".png";
     if (exports_.contains(Export::kComposite)) {
       if (auto ok = Save("composite", file, ToBgr(frame.composite)); !ok) return ok;
@@ -70,6 +78,12 @@ class Exporter {
     }
     if (exports_.contains(Export::kCgAlpha)) {
       if (auto ok = Save("cg_alpha", file, frame.cg_alpha); !ok) return ok;
+    }
+    if (room != nullptr && exports_.contains(Export::kPredicted)) {
+      cv::Mat1w depth_mm;
+      room->Look(frame.T_world_color).depth_m.convertTo(depth_mm, CV_16U, 1000);
+      if (auto ok = Save("predicted_depth", file, depth_mm); !ok) return ok;
+      if (auto ok = Save("predicted_color", file, room->Picture()); !ok) return ok;
     }
     if (exports_.contains(Export::kPose))
       poses_ << TumLine(frame.captured->take_t_s, frame.T_world_color) << "\n";
@@ -126,7 +140,7 @@ struct Totals {
   std::vector<std::string> warnings;
 };
 
-std::string Report(const Totals& t, const StageTimes& times, const LearntRoom& room,
+std::string Report(const Totals& t, const StageTimes& times, const std::string& room,
                    const std::string& renderer) {
   Json report;
   report["frames"] = t.frames;
@@ -150,7 +164,7 @@ std::string Report(const Totals& t, const StageTimes& times, const LearntRoom& r
   total["export_core_ms_per_frame"] =
       t.frames > 0 ? Json(static_cast<double>(t.export_cpu_us) * 1e-3 / t.frames) : Json(nullptr);
   report["drops"] = Json(t.drops);
-  report["room"] = room.how;
+  report["room"] = room;
   report["warnings"] = Json(t.warnings);
   report["versions"] = {{"mixstage", kVersion}, {"opencv", CV_VERSION}, {"renderer", renderer}};
   return report.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
@@ -197,13 +211,27 @@ Result<std::string> RunProcess(const ProcessOptions& options) {
   cv::setNumThreads(1);  // one frame after another, the same bytes whatever the machine
   auto take = OpenTake(options.take);
   if (!take) return tl::unexpected(take.error());
-  auto rig = RigOfTake(*take, {.rig_file = options.rig, .depth_unit_m = options.depth_unit_m});
-  if (!rig) return tl::unexpected(rig.error());
   Totals totals;
   totals.warnings = take->warnings;
-  totals.warnings.insert(totals.warnings.end(), rig->warnings.begin(), rig->warnings.end());
+  auto warn = [&](const std::vector<std::string>& more) {
+    totals.warnings.insert(totals.warnings.end(), more.begin(), more.end());
+  };
   StudioSetup setup;
-  setup.rig = rig->rig;
+  std::string room_is;
+  if (!options.environment || options.rig) {
+    auto rig = RigOfTake(*take, {.rig_file = options.rig, .depth_unit_m = options.depth_unit_m});
+    if (!rig) return tl::unexpected(rig.error());
+    warn(rig->warnings);
+    setup.rig = rig->rig;
+  }
+  if (options.environment) {
+    auto opened = OpenEnvironment(*options.environment);
+    if (!opened) return tl::unexpected(opened.error());
+    warn(opened->warnings);
+    setup.rig = RigIn(opened->environment, options.rig ? &setup.rig : nullptr);
+    setup.scanned = std::move(opened->room);
+    room_is = opened->how;
+  }
   auto device = ChooseBackend(options.renderer);
   if (!device) return tl::unexpected(device.error());
   setup.device = std::move(*device);
@@ -224,13 +252,21 @@ Result<std::string> RunProcess(const ProcessOptions& options) {
   }
   auto studio = Studio::Create(std::move(setup));
   if (!studio) return tl::unexpected(studio.error());
+  if (options.exports.contains(Export::kPredicted) && !options.environment) {
+    return Fail(ErrorCode::kInvalidConfig, "--export predicted needs a scanned room: give --environment");
+  }
   auto exporter = Exporter::Create(options.out, options.exports);
   if (!exporter) return tl::unexpected(exporter.error());
-  auto room = Learn(options, *take, *studio, totals.warnings);
-  if (!room) return tl::unexpected(room.error());
-  studio->SetRoom(room->model, room->state);
+  if (options.environment) {
+    LearnNoiseFromTake(*take, *studio, totals.warnings);
+  } else {
+    auto room = Learn(options, *take, *studio, totals.warnings);
+    if (!room) return tl::unexpected(room.error());
+    studio->SetRoom(room->model, room->state);
+    room_is = room->how;
+  }
   spdlog::info("process renderer=\"{}\"", studio->renderer());
-  spdlog::info("room state=\"{}\"", room->how);
+  spdlog::info("room state=\"{}\"", room_is);
   for (const std::string& warning : totals.warnings) spdlog::warn("process {}", warning);
   std::optional<Broadcast> broadcast;
   if (options.encode) {
@@ -284,7 +320,7 @@ Result<std::string> RunProcess(const ProcessOptions& options) {
         ++totals.counted;
       }
       const std::int64_t export_cpu_us = ProcessCpuMicros();
-      if (auto ok = exporter->Write(frame); !ok) return tl::unexpected(ok.error());
+      if (auto ok = exporter->Write(frame, studio->room_view()); !ok) return tl::unexpected(ok.error());
       if (meshes) {
         if (auto ok = meshes->Write(frame, options.out / "mesh", times); !ok)
           return tl::unexpected(ok.error());
@@ -297,7 +333,7 @@ Result<std::string> RunProcess(const ProcessOptions& options) {
   if (studio->unusable_depths() > 0) totals.drops["depth_size_not_rig"] = studio->unusable_depths();
   if (totals.frames == 0)
     return Fail(ErrorCode::kBadInput, options.take.string() + ": no colour picture could be used");
-  const std::string report = Report(totals, times, *room, studio->renderer());
+  const std::string report = Report(totals, times, room_is, studio->renderer());
   if (auto ok = exporter->Finish(report); !ok) return tl::unexpected(ok.error());
   return report;
 }

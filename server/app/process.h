@@ -13,7 +13,7 @@
 namespace mixstage {
 
 // What `process` can write, by the names of --export (SPEC.md 8).
-enum class Export { kComposite = 1, kDepth, kAlpha, kLabel, kCgAlpha, kMesh, kPose, kReport };
+enum class Export { kComposite = 1, kDepth, kAlpha, kLabel, kCgAlpha, kPredicted, kMesh, kPose, kReport };
 
 // "composite,alpha,report"; fails (kInvalidConfig) on a name that is none, and lists those that are.
 Result<std::set<Export>> ParseExports(const std::string& list);
@@ -31,6 +31,7 @@ struct ProcessOptions {
   std::optional<std::filesystem::path> rig, scene, poses;
   CleanPlate clean_plate = CleanPlate::kDefault;
   std::filesystem::path clean_plate_folder;
+  std::optional<std::filesystem::path> environment;  // a scanned room: no clean plate is read
   std::set<Export> exports;
   MeshFormat mesh_format = MeshFormat::kDraco;
   int first_frame = 0;  // of the take's colour pictures

@@ -14,6 +14,7 @@
 
 #include "proto/base/log.h"
 #include "server/app/learn_take.h"
+#include "server/app/open_environment.h"
 #include "server/pipeline/director.h"
 #include "server/pipeline/live_show.h"
 #include "server/scene/model_process.h"
@@ -73,14 +74,30 @@ Result<Scene> OpenScene(const fs::path& file, const Rig& rig) {
 }
 
 Result<Studio> OpenStudio(const StudioConfig& config) {
-  if (config.rig.empty()) {
-    return Fail(ErrorCode::kInvalidConfig, "no rig: give --rig rig.json, or \"rig:\" in the configuration");
+  if (config.rig.empty() && config.environment.empty()) {
+    return Fail(ErrorCode::kInvalidConfig,
+                "no rig: give --rig rig.json or --environment DIR, or \"rig:\" or \"environment:\" in the "
+                "configuration");
   }
-  auto rig = OpenRig(config.rig);
-  if (!rig) return tl::unexpected(rig.error());
-  for (const std::string& warning : rig->warnings) spdlog::warn("rig {}: {}", config.rig.string(), warning);
+  if (!config.environment.empty() && !config.clean_plate.empty()) {
+    return Fail(ErrorCode::kInvalidConfig,
+                "an environment and a clean plate: the room can come from one alone");
+  }
   StudioSetup setup;
-  setup.rig = rig->rig;
+  if (!config.rig.empty()) {
+    auto rig = OpenRig(config.rig);
+    if (!rig) return tl::unexpected(rig.error());
+    for (const std::string& warning : rig->warnings) spdlog::warn("rig {}: {}", config.rig.string(), warning);
+    setup.rig = std::move(rig->rig);
+  }
+  if (!config.environment.empty()) {
+    auto opened = OpenEnvironment(config.environment);
+    if (!opened) return tl::unexpected(opened.error());
+    for (const std::string& warning : opened->warnings) spdlog::warn("environment {}", warning);
+    setup.rig = RigIn(opened->environment, config.rig.empty() ? nullptr : &setup.rig);
+    setup.scanned = std::move(opened->room);
+    spdlog::info("room state=\"{}\"", opened->how);
+  }
   setup.learn_frames = config.learn_frames;
   auto device = ChooseBackend(config.renderer);
   if (!device) return tl::unexpected(device.error());
@@ -110,7 +127,7 @@ Result<std::unique_ptr<TakeRecorder>> StartRecording(const StudioConfig& config)
   TakeWriterConfig take{.folder = config.record};
   if (fs::is_directory(config.rig)) {
     take.rig_file = RigFileOf(config.rig);
-  } else {
+  } else if (!config.rig.empty()) {
     take.rig_file = config.rig;
   }
   auto recorder = std::make_unique<TakeRecorder>(take);

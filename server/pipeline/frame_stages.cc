@@ -19,6 +19,7 @@ namespace mixstage {
 struct FrameStages {
   static void PlaceCamera(Studio& s, Frame& f);
   static void WarpDepth(Studio& s, Frame& f);
+  static void PredictRoom(Studio& s, Frame& f);
   static void LearnRoom(Studio& s, Frame& f);
   static void KeyActor(Studio& s, Frame& f);
   static void ShapeActor(Studio& s, Frame& f);
@@ -38,6 +39,8 @@ constexpr std::array kStages = {
     Stage{{"place_camera", 0.5, "frame", "T_world_color              MixIn3D 2.3, 2.5"},
           &FrameStages::PlaceCamera},
     Stage{{"warp_depth", 1.0, "frame", "D in the colour camera     MixIn3D 2.2"}, &FrameStages::WarpDepth},
+    Stage{{"predict_room", 0.5, "frame", "D_M and colour of the scan  MixIn3D 2.3"},
+          &FrameStages::PredictRoom},
     Stage{{"learn_room", 0.5, "frame", "D_M, I_m, I_sigma          piVE eq 1-2"}, &FrameStages::LearnRoom},
     Stage{{"key_actor", 3.0, "frame", "actor, shadow              MixIn3D eq 1, piVE eq 3-8"},
           &FrameStages::KeyActor},
@@ -59,7 +62,9 @@ constexpr auto kInfos = [] {
 }();
 
 // A head at rest does not move because its encoder trembles: CG that swims by a tenth of a pixel is seen.
-constexpr double kRestDeg = 0.05;
+constexpr double kRestDeg = 0.03;
+// A room that was predicted anew is one to show to others when the camera has stood for so many frames.
+constexpr int kStandingFrames = 15;
 
 }  // namespace
 
@@ -79,6 +84,7 @@ RigidTransform Studio::TSceneColor(const Frame& frame) const {
 
 Result<Studio> Studio::Create(StudioSetup setup) {
   const int learn_frames = setup.learn_frames;
+  std::optional<ScannedRoom> scanned = std::move(setup.scanned);
   Studio studio(std::move(setup));
   const Rig& rig = studio.rig_;
   if (auto ok = rig.color.Validate(); !ok) return Within("rig: cameras.color", ok.error());
@@ -93,9 +99,24 @@ Result<Studio> Studio::Create(StudioSetup setup) {
                 "\"ptu\", or "
                 "--poses, or write the scene with frame: camera");
   }
-  auto learner = RoomLearner::Create(learn_frames, rig.color.width, rig.color.height);
-  if (!learner) return tl::unexpected(learner.error());
-  studio.learner_.emplace(std::move(*learner));
+  if (scanned) {
+    if (studio.poses_.empty() && !rig.ptu) {
+      return Fail(
+          ErrorCode::kInvalidConfig,
+          "the environment is in the world's frame, but nothing says where the camera is: its rig has no "
+          "\"ptu\"; give --poses");
+    }
+    auto view = RoomView::Create(rig, std::move(scanned->model), studio.device_);
+    if (!view) return tl::unexpected(view.error());
+    studio.room_view_.emplace(std::move(*view));
+    studio.doubt_ = scanned->doubt;
+    studio.room_state_ = RoomState::kKnown;
+  }
+  if (!studio.room_view_) {
+    auto learner = RoomLearner::Create(learn_frames, rig.color.width, rig.color.height);
+    if (!learner) return tl::unexpected(learner.error());
+    studio.learner_.emplace(std::move(*learner));
+  }
   auto key = Key::Create({});
   if (!key) return tl::unexpected(key.error());
   studio.key_.emplace(std::move(*key));
@@ -120,6 +141,7 @@ void Studio::Run(Frame& frame, StageTimes& times) {
 }
 
 void Studio::SetRoom(std::shared_ptr<const BackgroundModel> room, RoomState state) {
+  MIX_CHECK(!room_view_);
   UseRoom(std::move(room), state);
   learner_.reset();
 }
@@ -162,27 +184,69 @@ cv::Mat1f Studio::WarpDepth(const CapturedFrame& captured) {
   return D_;
 }
 
-void FrameStages::PlaceCamera(Studio& s, Frame& f) {
+RigidTransform Studio::PoseOf(const CapturedFrame& captured) {
   // The first that exists: --poses, (tracking,) head angles with rig.ptu, identity.
-  if (!s.poses_.empty()) {
-    const auto after = std::upper_bound(s.poses_.begin(), s.poses_.end(), f.captured->take_t_s,
+  if (!poses_.empty()) {
+    const auto after = std::upper_bound(poses_.begin(), poses_.end(), captured.take_t_s,
                                         [](double t, const PoseSample& p) { return t < p.t_s; });
-    const auto before = after == s.poses_.begin() ? after : after - 1;
+    const auto before = after == poses_.begin() ? after : after - 1;
     const bool later_is_nearer =
-        after != s.poses_.end() && after->t_s - f.captured->take_t_s < f.captured->take_t_s - before->t_s;
-    f.T_world_color = (later_is_nearer ? after : before)->T_world_color;
-    return;
+        after != poses_.end() && after->t_s - captured.take_t_s < captured.take_t_s - before->t_s;
+    return (later_is_nearer ? after : before)->T_world_color;
   }
-  if (!s.rig_.ptu) {
-    f.T_world_color = RigidTransform::Identity();
-    return;
+  if (!rig_.ptu) return RigidTransform::Identity();
+  const HeadAngles now = captured.head.value_or(held_angles_.value_or(HeadAngles{}));
+  if (!held_angles_ || std::abs(now.pan_deg - held_angles_->pan_deg) > kRestDeg ||
+      std::abs(now.tilt_deg - held_angles_->tilt_deg) > kRestDeg) {
+    held_angles_ = now;
   }
-  const HeadAngles now = f.captured->head.value_or(s.held_angles_.value_or(HeadAngles{}));
-  if (!s.held_angles_ || std::abs(now.pan_deg - s.held_angles_->pan_deg) > kRestDeg ||
-      std::abs(now.tilt_deg - s.held_angles_->tilt_deg) > kRestDeg) {
-    s.held_angles_ = now;
+  return rig_.ptu->TWorldColor(held_angles_->pan_deg, held_angles_->tilt_deg);
+}
+
+void Studio::LearnNoise(const CapturedFrame& captured) {
+  if (!room_view_ || noise_.complete()) return;
+  const RoomPrediction& prediction = room_view_->Look(PoseOf(captured));
+  HalfRgb(captured.color, &half_);
+  const cv::Mat1f D = WarpDepth(captured);
+  noise_.Add(prediction, half_, View(D));
+}
+
+std::shared_ptr<BackgroundModel> Studio::UnusedModel() {
+  for (const std::shared_ptr<BackgroundModel>& model : models_) {
+    if (model.use_count() == 1) return model;
   }
-  f.T_world_color = s.rig_.ptu->TWorldColor(s.held_angles_->pan_deg, s.held_angles_->tilt_deg);
+  return models_.emplace_back(std::make_shared<BackgroundModel>());
+}
+
+void Studio::PredictRoom(const RoomPrediction& prediction) {
+  ++standing_frames_;
+  if (prediction.drawing == predicted_ && noise_.frames() == predicted_frames_) return;
+  standing_frames_ = 0;
+  predicted_ = prediction.drawing;
+  predicted_frames_ = noise_.frames();
+  room_.reset();
+  std::shared_ptr<BackgroundModel> model = UnusedModel();
+  PredictBackground(prediction, noise_, doubt_, model.get());
+  room_ = std::move(model);
+  if (!room_depth_) {
+    room_depth_.emplace();
+    room_depth_->sigma_m = cv::Mat1f(prediction.depth_m.size(), std::max(doubt_.depth_sigma_m, 1e-3f));
+  }
+  room_depth_->revision = ++room_revision_;
+  room_depth_->depth_m = prediction.depth_m;
+}
+
+std::shared_ptr<const BackgroundModel> Studio::standing_room() const {
+  return room_view_ && standing_frames_ < kStandingFrames ? nullptr : room_;
+}
+
+void FrameStages::PlaceCamera(Studio& s, Frame& f) { f.T_world_color = s.PoseOf(*f.captured); }
+
+void FrameStages::PredictRoom(Studio& s, Frame& f) {
+  if (!s.room_view_) return;
+  const RoomPrediction& prediction = s.room_view_->Look(f.T_world_color);
+  if (!s.noise_.complete()) s.LearnNoise(*f.captured);
+  s.PredictRoom(prediction);
 }
 
 void FrameStages::WarpDepth(Studio& s, Frame& f) { f.D = s.WarpDepth(*f.captured); }

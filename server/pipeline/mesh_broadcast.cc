@@ -30,7 +30,7 @@ WatchPose PoseRows(const RigidTransform& T) {
 MeshJob MakeMeshJob(const Studio& studio, std::shared_ptr<const Frame> frame) {
   MeshJob job{.actor_depth_m = frame->actor_depth_m.clone(),
               .T_scene_color = studio.TSceneColor(*frame),
-              .room = studio.room()};
+              .room = studio.standing_room()};
   if (const auto& scene = studio.scene()) {
     for (const SceneObject& object : scene->objects) job.objects.push_back({object.id, object.mesh});
   }

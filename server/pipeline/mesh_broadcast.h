@@ -27,7 +27,7 @@ struct MeshJob {
   std::shared_ptr<const Frame> frame{};
   cv::Mat1f actor_depth_m{};  // a copy: the frame's belongs to a worker
   RigidTransform T_scene_color = RigidTransform::Identity();
-  std::shared_ptr<const BackgroundModel> room{};  // null: not known yet
+  std::shared_ptr<const BackgroundModel> room{};  // null: not known yet, or the camera moves
   std::vector<Object> objects{};
 };
 // On the thread that ran the studio's stages, before their next frame.

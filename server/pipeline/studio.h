@@ -10,23 +10,33 @@
 #include "proto/take/take.h"
 #include "server/composite/z_key.h"
 #include "server/depth/depth_warp.h"
+#include "server/environment/environment_folder.h"
 #include "server/pipeline/frame.h"
 #include "server/pipeline/room_learner.h"
 #include "server/pipeline/stage_times.h"
 #include "server/raster/render_device.h"
 #include "server/render/cg_renderer.h"
+#include "server/render/room_view.h"
 #include "server/scene/scene.h"
 #include "server/segmentation/actor_surface.h"
 #include "server/segmentation/key.h"
+#include "server/segmentation/predicted_background.h"
 
 namespace mixstage {
+
+// A scanned room to key against (MixIn3D 2.3): nothing has to be learnt any more.
+struct ScannedRoom {
+  RoomModel model;  // valid (checked)
+  PredictionDoubt doubt{};
+};
 
 struct StudioSetup {
   Rig rig;
   std::optional<Scene> scene;
   std::vector<PoseSample> poses;  // --poses: T_world_color by the take's time; empty = none
-  int learn_frames = 30;          // L of piVE eq (1)
-  RenderDevice device;            // what depth, room and CG are drawn with
+  std::optional<ScannedRoom> scanned;
+  int learn_frames = 30;  // L of piVE eq (1)
+  RenderDevice device;    // what depth, room and CG are drawn with
 };
 
 // What the frame stages share from one frame to the next: each stage's own worker with its buffers. Owned by
@@ -40,13 +50,21 @@ class Studio {
   // Runs every frame stage, in the order of the table in frame_stages.cc.
   void Run(Frame& frame, StageTimes& times);
 
-  // Fixes the empty set for good; without it the studio learns it from the frames it sees.
+  // Fixes the empty set for good; without it the studio learns it from the frames it sees. Not with a scanned
+  // room.
   void SetRoom(std::shared_ptr<const BackgroundModel> room, RoomState state);
   // The scene from the next frame on; of the frame (world, camera) of the one before, and only where there
   // was one (checked).
   void SetScene(std::shared_ptr<const Scene> scene);
+  // With a scanned room: adds what this frame says about the sensors' noise; so do the first frames of Run.
+  void LearnNoise(const CapturedFrame& captured);
+  [[nodiscard]] const PredictionNoise& prediction_noise() const { return noise_; }
   // What is known about the empty set now; null while it is being learnt.
   [[nodiscard]] const std::shared_ptr<const BackgroundModel>& room() const { return room_; }
+  // The same while the camera stands; null where every frame has its own.
+  [[nodiscard]] std::shared_ptr<const BackgroundModel> standing_room() const;
+  // The scanned room in the last frame's view; null without one.
+  [[nodiscard]] RoomView* room_view() { return room_view_ ? &*room_view_ : nullptr; }
   // Null = no CG.
   [[nodiscard]] const std::shared_ptr<const Scene>& scene() const { return scene_; }
   // D of a captured frame: for learning from a clean plate. Empty when the frame has no usable depth.
@@ -65,6 +83,9 @@ class Studio {
   friend struct FrameStages;
   explicit Studio(StudioSetup setup);
   void UseRoom(std::shared_ptr<const BackgroundModel> room, RoomState state);
+  [[nodiscard]] RigidTransform PoseOf(const CapturedFrame& captured);
+  void PredictRoom(const RoomPrediction& prediction);
+  [[nodiscard]] std::shared_ptr<BackgroundModel> UnusedModel();
 
   Rig rig_;
   std::shared_ptr<const Scene> scene_;  // null = no CG
@@ -79,6 +100,14 @@ class Studio {
   std::shared_ptr<const DepthPicture> warped_;
   cv::Mat1f D_;
   std::int64_t unusable_depths_ = 0;
+  // predict_room: D_M and colour of a scanned room; the models are used again when nobody holds them any more
+  std::optional<RoomView> room_view_;
+  PredictionDoubt doubt_;
+  PredictionNoise noise_;
+  std::vector<std::shared_ptr<BackgroundModel>> models_;
+  std::uint64_t predicted_ = 0;  // drawing that room_ was made from
+  int predicted_frames_ = 0;     // of noise_ at that time
+  int standing_frames_ = 0;      // since the room was predicted anew
   // learn_room, key_actor, actor_surface
   HalfPicture half_;
   std::optional<RoomLearner> learner_;

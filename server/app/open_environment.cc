@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/app/open_environment.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "server/app/room_file.h"
+#include "server/ingest/take_ingest.h"
+
+namespace mixstage {
+
+Result<OpenedEnvironment> OpenEnvironment(const std::filesystem::path& folder) {
+  auto parsed = ReadEnvironment(folder);
+  if (!parsed) return tl::unexpected(parsed.error());
+  auto model = ReadRoom(folder);
+  if (!model) return tl::unexpected(model.error());
+  OpenedEnvironment opened;
+  opened.environment = std::move(parsed->environment);
+  for (const std::string& warning : parsed->warnings)
+    opened.warnings.push_back((folder / "environment.json").string() + ": " + warning);
+  opened.how = "environment, " + std::to_string(model->triangle_count()) + " triangles";
+  opened.room = {.model = std::move(*model),
+                 .doubt = {.registration_px = static_cast<float>(opened.environment.registration_px),
+                           .depth_sigma_m = static_cast<float>(opened.environment.depth_sigma_m)}};
+  return opened;
+}
+
+Rig RigIn(const Environment& environment, const Rig* given) {
+  Rig rig = given != nullptr ? *given : environment.rig;
+  if (environment.rig.ptu) rig.ptu = environment.rig.ptu;
+  return rig;
+}
+
+void LearnNoiseFromTake(const Take& take, Studio& studio, std::vector<std::string>& warnings) {
+  TakeIngest ingest(take, studio.rig());
+  const int samples = std::min(PredictionNoise::kMostFrames, ingest.frames());
+  for (int i = 0; i < samples; ++i) {
+    std::string warning;
+    auto captured = ingest.Load(static_cast<int>(std::int64_t{i} * ingest.frames() / samples), warning);
+    if (captured) {
+      studio.LearnNoise(**captured);
+    } else {
+      warning = captured.error().message;
+    }
+    if (!warning.empty()) warnings.push_back(warning);
+  }
+}
+
+}  // namespace mixstage

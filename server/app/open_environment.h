@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "proto/base/result.h"
+#include "proto/geometry/rig.h"
+#include "proto/take/take.h"
+#include "server/environment/environment.h"
+#include "server/pipeline/studio.h"
+
+namespace mixstage {
+
+// An environment folder as a show needs it: what it says and its surface, checked.
+struct OpenedEnvironment {
+  Environment environment;
+  ScannedRoom room;
+  std::vector<std::string> warnings;
+  std::string how;  // for the report: "environment, 120000 triangles"
+};
+Result<OpenedEnvironment> OpenEnvironment(const std::filesystem::path& folder);
+
+// The cameras of a show in it: those of `given` (--rig; null = none), else those that the scan refined; the
+// pan-tilt unit is the scan's in both cases, where it had one.
+Rig RigIn(const Environment& environment, const Rig* given);
+
+// Feeds pictures spread over a take to the studio's noise estimate.
+void LearnNoiseFromTake(const Take& take, Studio& studio, std::vector<std::string>& warnings);
+
+}  // namespace mixstage
