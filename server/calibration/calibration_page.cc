@@ -194,9 +194,10 @@ std::string CalibrationPage(const RigCalibration& c) {
             Text(
                 "<p>%d boards, corners %.3f px rms, held-out views %.3f px; OpenCV alone %.3f px, stereo "
                 "%.3f px; seen to "
-                "%.0f&#176; from the axis.</p><div class='row'><div>",
+                "%.0f&#176; from the axis; %d pictures compared pixel by pixel, "
+                "their spot %.2f px.</p><div class='row'><div>",
                 f.boards, f.rms_px, f.held_out_rms_px, f.opencv.single_rms_px, f.opencv.stereo_rms_px,
-                f.seen_to_deg);
+                f.seen_to_deg, f.fitted_pictures, f.spot_px);
     html += Coverage(c.scene, i) + "</div><div>" + Spread(c.scene, i, f) +
             LensTable(camera, i < c.deviations.size() ? c.deviations[i] : std::nullopt) + "</div></div>";
   }

@@ -15,6 +15,7 @@ Json Camera(const SceneCamera& camera, const CameraFigures& f,
   json["corner_sigma_px"] = camera.corner_sigma_px;
   json["rms_px"] = f.rms_px;
   json["held_out"] = {{"boards", f.held_out_boards}, {"rms_px", f.held_out_rms_px}};
+  json["pixels"] = {{"pictures", f.fitted_pictures}, {"pixels", f.fitted_pixels}, {"spot_px", f.spot_px}};
   json["opencv"] = {{"calibrate_camera_rms_px", f.opencv.single_rms_px},
                     {"stereo_calibrate_rms_px", f.opencv.stereo_rms_px}};
   json["distance_m"] = {f.nearest_m, f.farthest_m};

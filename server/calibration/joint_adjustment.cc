@@ -71,19 +71,15 @@ double Rms(const std::vector<Vector2d>& residuals) {
   return residuals.empty() ? 0 : std::sqrt(sum / static_cast<double>(residuals.size()));
 }
 
-// Sets rms_px of every sighting and corner_sigma_px of every camera; false where a sigma changed by more than
-// a tenth.
+// Sets corner_sigma_px of every camera; false where one changed by more than a tenth.
 bool MeasureNoise(BoardScene& scene) {
   bool settled = true;
+  MeasureCorners(scene);
   for (std::size_t c = 0; c < scene.cameras.size(); ++c) {
     std::vector<double> coordinates;
-    for (SceneSighting& s : scene.sightings) {
-      if (s.camera != c || !scene.cameras[c].T_first_camera || !scene.placements[s.placement].T_first_board)
-        continue;
-      const auto residuals = CornerResiduals(scene, s);
-      s.rms_px = Rms(residuals);
-      if (!s.left_out.empty() || scene.placements[s.placement].held_out) continue;
-      for (const Vector2d& r : residuals)
+    for (const SceneSighting& s : scene.sightings) {
+      if (s.camera != c || !scene.Used(s) || scene.placements[s.placement].held_out) continue;
+      for (const Vector2d& r : CornerResiduals(scene, s))
         coordinates.insert(coordinates.end(), {std::abs(r.x()), std::abs(r.y())});
     }
     if (coordinates.size() < 20) continue;
@@ -113,6 +109,13 @@ bool LeaveOutFarOnes(BoardScene& scene) {
 }
 
 }  // namespace
+
+void MeasureCorners(BoardScene& scene) {
+  for (SceneSighting& s : scene.sightings) {
+    if (scene.cameras[s.camera].T_first_camera && scene.placements[s.placement].T_first_board)
+      s.rms_px = Rms(CornerResiduals(scene, s));
+  }
+}
 
 Result<AdjustmentSummary> AdjustJointly(BoardScene& scene) {
   auto summary = Solve(scene, AdjustedPart::kCameras);

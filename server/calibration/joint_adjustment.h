@@ -21,6 +21,9 @@ Result<AdjustmentSummary> AdjustJointly(BoardScene& scene);
 // rms_px of every sighting.
 Result<AdjustmentSummary> AdjustRobustly(BoardScene& scene);
 
+// Sets rms_px of every sighting whose camera and placement have their poses.
+void MeasureCorners(BoardScene& scene);
+
 // Deviations that corners alone leave. Fails (kQualityGate, the number named) where one is not determined.
 Result<Deviations> DeviationsByCorners(const BoardScene& scene);
 

@@ -12,6 +12,8 @@
 #include "server/calibration/joint_adjustment.h"
 #include "server/calibration/lens_start.h"
 #include "server/calibration/opencv_figures.h"
+#include "server/calibration/picture_light.h"
+#include "server/calibration/pixel_adjustment.h"
 #include "server/calibration/scene_start.h"
 
 namespace mixstage {
@@ -84,10 +86,12 @@ void MeasureCamera(const BoardScene& scene, std::size_t camera, CameraFigures& f
 }
 
 // Learns from four fifths of the views and measures the others.
-Status HoldOut(const RigCalibration& c, std::vector<CameraFigures>& figures) {
+Status HoldOut(const RigCalibration& c, const std::vector<FittedPicture>& pictures,
+               std::vector<CameraFigures>& figures) {
   BoardScene scene = c.scene;
   for (Placement& p : scene.placements) p.held_out = p.view_index % kHoldOutEvery == kHoldOutEvery - 1;
-  if (auto ok = AdjustJointly(scene); !ok) return tl::unexpected(ok.error());
+  if (auto ok = pictures.empty() ? AdjustJointly(scene) : AdjustToPixels(pictures, scene, 10); !ok)
+    return tl::unexpected(ok.error());
   std::vector<double> squares(scene.cameras.size());
   for (const SceneSighting& s : scene.sightings) {
     if (!scene.Used(s) || !scene.placements[s.placement].held_out) continue;
@@ -102,6 +106,53 @@ Status HoldOut(const RigCalibration& c, std::vector<CameraFigures>& figures) {
       figures[i].held_out_rms_px = std::sqrt(squares[i] / figures[i].held_out_boards);
   }
   return {};
+}
+
+std::optional<cv::Mat1f> Brightness(const RigCalibration& c, std::size_t camera, std::size_t view_index) {
+  const std::string& name = c.scene.cameras[camera].name;
+  const auto& file = PictureOf(c.views[view_index], name);
+  if (!file) return std::nullopt;
+  const auto grey = LoadGrey(*file);
+  const Lens& lens = c.scene.cameras[camera].lens;
+  if (!grey || grey->cols != lens.width || grey->rows != lens.height) return std::nullopt;
+  return name == kDepthName || grey->depth() != CV_8U ? CountsOfLight(*grey) : LinearLight(*grey);
+}
+
+double UsedRms(BoardScene& scene) {
+  MeasureCorners(scene);
+  double sum = 0;
+  for (const SceneSighting& s : scene.sightings) {
+    const double sigma = scene.cameras[s.camera].corner_sigma_px;
+    if (scene.Used(s)) sum += s.rms_px * s.rms_px / (sigma * sigma);
+  }
+  return std::sqrt(sum);
+}
+
+// Pixels instead of corners. Corners have no part in it and judge the outcome: where they contradict it, the
+// corners' own adjustment stands and no picture is returned.
+Result<std::vector<FittedPicture>> RefineOnPixels(RigCalibration& c) {
+  const BoardScene by_corners = c.scene;
+  const double before = UsedRms(c.scene);
+  std::vector<FittedPicture> pictures;
+  for (int round = 0; round < 2; ++round) {  // the second with weights of the first one's residuals
+    pictures = FitPictures(c.scene,
+                           [&](std::size_t camera, std::size_t view) { return Brightness(c, camera, view); });
+    if (pictures.empty()) return pictures;
+    if (auto ok = AdjustToPixels(pictures, c.scene, 15); !ok) return tl::unexpected(ok.error());
+  }
+  if (UsedRms(c.scene) > 1.5 * before) {
+    c.scene = by_corners;
+    c.warnings.push_back("the pictures' pixels contradict their corners: calibrated on corners alone");
+    return std::vector<FittedPicture>();
+  }
+  std::vector<std::vector<double>> spots(c.scene.cameras.size());
+  for (const FittedPicture& p : pictures) {
+    ++c.figures[p.camera].fitted_pictures;
+    c.figures[p.camera].fitted_pixels += p.fit.pixels();
+    spots[p.camera].push_back(p.fit.spot_px());
+  }
+  for (std::size_t i = 0; i < spots.size(); ++i) c.figures[i].spot_px = Percentile(spots[i], 0.5);
+  return pictures;
 }
 
 void CalibrateRange(const NominalRig& nominal, std::size_t camera, RigCalibration& c) {
@@ -187,14 +238,17 @@ Result<RigCalibration> CalibrateRig(const std::vector<ViewFolder>& folders, cons
   StartPoses(c.scene);
   stage("adjusting all cameras together");
   if (auto ok = AdjustRobustly(c.scene); !ok) return tl::unexpected(ok.error());
-  auto deviations = DeviationsByCorners(c.scene);
+  stage("comparing every pixel near an edge");
+  const auto pictures = RefineOnPixels(c);
+  if (!pictures) return tl::unexpected(pictures.error());
+  auto deviations = pictures->empty() ? DeviationsByCorners(c.scene) : DeviationsByPixels(*pictures, c.scene);
   if (deviations) {
     c.deviations = std::move(*deviations);
   } else {
     c.failed_gates.push_back(deviations.error().message);
   }
   stage("measuring what it is worth");
-  if (auto ok = HoldOut(c, c.figures); !ok) return tl::unexpected(ok.error());
+  if (auto ok = HoldOut(c, *pictures, c.figures); !ok) return tl::unexpected(ok.error());
   const auto opencv = MeasureOpenCv(c.scene);
   for (std::size_t i = 0; i < c.figures.size(); ++i) {
     MeasureCamera(c.scene, i, c.figures[i]);

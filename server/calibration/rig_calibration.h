@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The calibration of a head's cameras from views of boards, start to end, MixIn3D 2.1: detection, a start of
-// every camera, the joint adjustment, the ToF camera's range error, the head that carries them; and what says
-// whether it is good enough.
+// every camera, the joint adjustment on corners, then on pixels, the ToF camera's range error, the head that
+// carries them; and what says whether it is good enough.
 #pragma once
 
 #include <functional>
@@ -28,6 +28,9 @@ struct CameraFigures {
   double held_out_rms_px = 0;
   int held_out_boards = 0;
   OpenCvFigures opencv;
+  int fitted_pictures = 0;  // compared pixel by pixel
+  std::size_t fitted_pixels = 0;
+  double spot_px = 0;                    // sigma of the picture's spot, median
   double nearest_m = 0, farthest_m = 0;  // of the boards' middles
   double most_tilted_deg = 0;            // 95th percentile of the angle between a board's normal and its ray
   double covered = 0;                    // share of 8 x 6 fields of the picture that hold a corner

@@ -21,11 +21,6 @@ struct Picture {
   std::string error;                 // why it could not be read
 };
 
-// Where a camera's pictures stand in a view.
-const std::optional<std::filesystem::path>& FileOf(const BoardView& view, const std::string& camera) {
-  return camera == kColorName ? view.color : camera == kDepthName ? view.amplitude : view.fisheye;
-}
-
 Lens NominalLens(const std::string& camera, const NominalRig& nominal, int width, int height) {
   if (camera == kColorName) {
     return nominal.given ? LensOf(nominal.rig.color) : AssumedLens(LensKind::kPinhole, width, height);
@@ -111,6 +106,10 @@ Result<cv::Mat> LoadGrey(const std::filesystem::path& file) {
   return image.y;
 }
 
+const std::optional<std::filesystem::path>& PictureOf(const BoardView& view, const std::string& camera) {
+  return camera == kColorName ? view.color : camera == kDepthName ? view.amplitude : view.fisheye;
+}
+
 std::optional<std::size_t> CameraNamed(const BoardScene& scene, const std::string& name) {
   for (std::size_t c = 0; c < scene.cameras.size(); ++c) {
     if (scene.cameras[c].name == name) return c;
@@ -133,7 +132,7 @@ Result<DetectedViews> DetectViews(const std::vector<ViewFolder>& folders, const 
     const std::size_t camera = detected.scene.cameras.size();
     bool known = false;
     for (std::size_t v = 0; v < detected.views.size(); ++v) {
-      const auto& file = FileOf(detected.views[v], name);
+      const auto& file = PictureOf(detected.views[v], name);
       if (!file) continue;
       if (!known) {
         auto size = ReadColorSize(*file);

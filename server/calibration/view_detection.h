@@ -43,6 +43,10 @@ Result<cv::Mat> LoadGrey(const std::filesystem::path& file);
 Result<DetectedViews> DetectViews(const std::vector<ViewFolder>& folders, const NominalRig& nominal,
                                   const std::function<void(std::size_t, std::size_t)>& progress);
 
+// Where a view's picture of a camera lies (amplitude for the depth camera).
+[[nodiscard]] const std::optional<std::filesystem::path>& PictureOf(const BoardView& view,
+                                                                    const std::string& camera);
+
 // A camera of the scene by its name; nothing where it has no pictures.
 [[nodiscard]] std::optional<std::size_t> CameraNamed(const BoardScene& scene, const std::string& name);
 
