@@ -140,13 +140,20 @@ Result<Deviations> AdjustmentProblem::DeviationsHere(const BoardScene& scene) {
                     (column.number < kLensNumbers ? LensNumberName(camera.lens.kind, column.number)
                                                   : std::string("where the camera sits on the head")));
   }
+  const auto covariance = [&](std::size_t a, std::size_t b) {
+    const auto i = static_cast<Eigen::Index>(a), k = static_cast<Eigen::Index>(b);
+    return (eigen.eigenvectors().row(i).array() * eigen.eigenvectors().row(k).array() /
+            eigen.eigenvalues().transpose().array())
+               .sum() *
+           scale(i) * scale(k);
+  };
   for (std::size_t k = 0; k < columns.size(); ++k) {
-    const auto row = static_cast<Eigen::Index>(k);
-    const double variance =
-        (eigen.eigenvectors().row(row).array().square() / eigen.eigenvalues().transpose().array()).sum() *
-        scale(row) * scale(row);
-    const double sigma = std::sqrt(variance);
+    const double sigma = std::sqrt(covariance(k, k));
     CameraDeviation& d = *deviations[columns[k].camera];
+    for (std::size_t other = 0; other < columns.size(); ++other)
+      if (columns[other].camera == columns[k].camera && columns[k].number < kLensNumbers &&
+          columns[other].number < kLensNumbers)
+        d.lens_covariance(columns[k].number, columns[other].number) = covariance(k, other);
     const int n = columns[k].number;
     if (n < kLensNumbers) {
       d.lens[static_cast<std::size_t>(n)] = sigma;

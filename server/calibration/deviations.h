@@ -13,8 +13,11 @@
 
 namespace mixstage {
 
+using LensCovariance = Eigen::Matrix<double, kLensNumbers, kLensNumbers>;
+
 struct CameraDeviation {
   std::array<double, kLensNumbers> lens{};  // of each number; 0 where it was not estimated
+  LensCovariance lens_covariance = LensCovariance::Zero();
   // Of T_first_camera, about and along the axes of the first camera; 0 for the first camera itself.
   Eigen::Vector3d turn_deg = Eigen::Vector3d::Zero();
   Eigen::Vector3d shift_m = Eigen::Vector3d::Zero();

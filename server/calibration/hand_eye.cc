@@ -390,6 +390,10 @@ Result<HandEyeResult> CalibrateHandEye(const HandEyeInput& input) {
                              .T_camera_color = input.rig.T_color_depth.inverse()});
   problem.cameras.push_back({.lens = input.rig.fisheye ? LensOf(*input.rig.fisheye) : Lens{},
                              .T_camera_color = input.rig.T_color_fisheye.inverse()});
+  problem.cameras[0].lens_covariance = input.color_covariance;
+  problem.cameras[1].lens_covariance = input.depth_covariance;
+  problem.cameras[2].lens_covariance = input.fisheye_covariance;
+  for (auto& camera : problem.cameras) camera.lens_expected = camera.lens.numbers;
   const std::optional<PanTilt>& nominal = input.rig.ptu;
   const double pan_scale = nominal ? std::abs(nominal->pan_scale) : 1,
                tilt_scale = nominal ? std::abs(nominal->tilt_scale) : 1;
@@ -405,7 +409,9 @@ Result<HandEyeResult> CalibrateHandEye(const HandEyeInput& input) {
     session.T_base_hand.push_back(Turn(Eigen::Vector3d::UnitZ(), pan_scale * problem.views[v].pan_rad) *
                                   Turn(-Eigen::Vector3d::UnitY(), tilt_scale * problem.views[v].tilt_rad));
     const std::vector<BoardSighting>* by_camera[] = {&view.color, &view.amplitude, &view.fisheye};
-    for (std::size_t camera = 0; camera < 3; ++camera)
+    for (std::size_t camera = 0; camera < 3; ++camera) {
+      // What is left of the other cameras' errors would weigh more than their coarser pixels tell.
+      if (camera > 0 && !view.color.empty()) break;
       for (const BoardSighting& sighting : *by_camera[camera]) {
         if (auto ok = CheckSighting(view.name, input.boards, sighting); !ok)
           return tl::unexpected(ok.error());
@@ -413,6 +419,7 @@ Result<HandEyeResult> CalibrateHandEye(const HandEyeInput& input) {
           return Fail(ErrorCode::kBadInput, view.name + ": the rig lacks a camera that sees a board");
         session.seen.push_back({v, camera, &sighting});
       }
+    }
   }
   Eigen::Matrix3d guess;  // the camera looks along x with its x axis to the right
   guess << 0, 0, 1, -1, 0, 0, 0, -1, 0;

@@ -23,6 +23,7 @@
 #include "proto/base/result.h"
 #include "proto/geometry/rig.h"
 #include "server/calibration/board_detection.h"
+#include "server/calibration/deviations.h"
 
 namespace mixstage {
 
@@ -47,12 +48,18 @@ struct HandEyeViewFit {
 
 struct HeadView {
   std::string name;
-  double pan_deg = 0, tilt_deg = 0;                      // as the encoders say
+  double pan_deg = 0, tilt_deg = 0;  // as the encoders say
+  // The others count where the colour camera sees no board.
   std::vector<BoardSighting> color, amplitude, fisheye;  // by the rig's cameras; amplitude: the ToF camera's
 };
 
 struct HandEyeInput {
   Rig rig;
+  // Of the lenses' numbers (lens.h), by the calibration that found them; they are adjusted within it. Zero:
+  // held.
+  LensCovariance color_covariance = LensCovariance::Zero();
+  LensCovariance depth_covariance = LensCovariance::Zero();
+  LensCovariance fisheye_covariance = LensCovariance::Zero();
   std::vector<Board> boards;  // fixed in the room
   std::vector<HeadView> views;
 };

@@ -64,18 +64,10 @@ struct RobotMotion {
 };
 
 template <typename T>
-Eigen::Matrix<T, 2, 1> Pixel(const Lens& lens, const std::array<T, kLensNumbers>& numbers,
-                             const Eigen::Matrix<T, 3, 1>& p) {
+Eigen::Matrix<T, 2, 1> Pixel(LensKind kind, const T* numbers, const Eigen::Matrix<T, 3, 1>& p) {
   Eigen::Matrix<T, 2, 1> pixel;
-  ProjectThrough(lens.kind, numbers.data(), p.data(), pixel.data());
+  ProjectThrough(kind, numbers, p.data(), pixel.data());
   return pixel;
-}
-
-template <typename T>
-std::array<T, kLensNumbers> NumbersAs(const Lens& lens) {
-  std::array<T, kLensNumbers> numbers;
-  std::transform(lens.numbers.begin(), lens.numbers.end(), numbers.begin(), [](double n) { return T(n); });
-  return numbers;
 }
 
 // All corners of a board in a picture: the chain of transforms is walked once for them.
@@ -88,20 +80,19 @@ struct SightingResidual {
 
   template <typename T>
   bool operator()(const T* mechanism, const T* correction, const T* mount_q, const T* mount_t,
-                  const T* board_q, const T* board_t, T* residual) const {
+                  const T* board_q, const T* board_t, const T* lens, T* residual) const {
     using Turn = Eigen::Map<const Eigen::Quaternion<T>>;
     using Move = Eigen::Map<const Eigen::Matrix<T, 3, 1>>;
     const Rigid<T> T_hand_color{Turn(mount_q), Move(mount_t)}, T_base_board{Turn(board_q), Move(board_t)};
     const Rigid<T> T_camera_board = Constant<T>(camera->T_camera_color) *
                                     (motion(mechanism, correction) * T_hand_color).Inverse() * T_base_board;
     const Eigen::Matrix<T, 3, 3> R = T_camera_board.q.toRotationMatrix();
-    const auto lens = NumbersAs<T>(camera->lens);
     for (std::size_t i = 0; i < sighting->pixels.size(); ++i) {
       const Eigen::Vector3d& c = sighting->p_board[i];  // z = 0
       const Eigen::Matrix<T, 3, 1> p = R.col(0) * c.x() + R.col(1) * c.y() + T_camera_board.t;
       if (camera->lens.kind == LensKind::kPinhole && p[2] < 1e-3) return false;
       const Eigen::Matrix<T, 2, 1> off =
-          Pixel<T>(camera->lens, lens, p) - sighting->pixels[i].template cast<T>();
+          Pixel<T>(camera->lens.kind, lens, p) - sighting->pixels[i].template cast<T>();
       residual[2 * i] = off[0] * ((*weights)[i] / camera->noise_px);
       residual[2 * i + 1] = off[1] * ((*weights)[i] / camera->noise_px);
     }
@@ -137,6 +128,39 @@ ceres::CostFunction* Expect(const Eigen::VectorXd& mean, const Eigen::VectorXd& 
   auto* cost = new ceres::DynamicAutoDiffCostFunction<Expectation, 6>(new Expectation{mean, sd});
   cost->AddParameterBlock(static_cast<int>(mean.size()));
   cost->SetNumResiduals(static_cast<int>(mean.size()));
+  return cost;
+}
+
+// The calibration's word on the numbers that it estimated.
+struct LensExpectation {
+  std::array<double, kLensNumbers> mean;
+  std::vector<int> known;
+  Eigen::MatrixXd L;  // of the covariance, L L^T
+
+  template <typename T>
+  bool operator()(T const* const* lens, T* residual) const {
+    for (std::size_t i = 0; i < known.size(); ++i) {
+      const auto number = static_cast<std::size_t>(known[i]);
+      residual[i] = lens[0][number] - mean[number];
+      for (std::size_t k = 0; k < i; ++k)
+        residual[i] -= L(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k)) * residual[k];
+      residual[i] /= L(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i));
+    }
+    return true;
+  }
+};
+
+ceres::CostFunction* ExpectLens(const HandEyeAdjustment::Camera& camera, const std::vector<int>& known) {
+  const auto n = static_cast<Eigen::Index>(known.size());
+  Eigen::MatrixXd covariance(n, n);
+  for (Eigen::Index i = 0; i < n; ++i)
+    for (Eigen::Index k = 0; k < n; ++k)
+      covariance(i, k) =
+          camera.lens_covariance(known[static_cast<std::size_t>(i)], known[static_cast<std::size_t>(k)]);
+  auto* cost = new ceres::DynamicAutoDiffCostFunction<LensExpectation, kLensNumbers>(
+      new LensExpectation{camera.lens_expected, known, covariance.llt().matrixL()});
+  cost->AddParameterBlock(kLensNumbers);
+  cost->SetNumResiduals(static_cast<int>(n));
   return cost;
 }
 
@@ -249,6 +273,22 @@ class Solution {
                                 loss_ == OutlierLoss::kCauchy ? new ceres::CauchyLoss(kLossScale) : nullptr,
                                 view.correction.data());
     }
+    for (std::size_t c = 0; c < p_.cameras.size(); ++c) {
+      auto& camera = p_.cameras[c];
+      const bool looks = std::any_of(p_.sightings.begin(), p_.sightings.end(),
+                                     [&](const auto& s) { return s.used && s.camera == c; });
+      if (!looks) continue;
+      double* numbers = camera.lens.numbers.data();
+      std::vector<int> known, held;
+      for (int i = 0; i < kLensNumbers; ++i) (camera.lens_covariance(i, i) > 0 ? known : held).push_back(i);
+      if (known.empty()) {
+        problem_.AddParameterBlock(numbers, kLensNumbers);
+        problem_.SetParameterBlockConstant(numbers);
+        continue;
+      }
+      add(numbers, kLensNumbers, new ceres::SubsetManifold(kLensNumbers, held));
+      problem_.AddResidualBlock(ExpectLens(camera, known), nullptr, numbers);
+    }
     std::vector<bool> board_seen(boards_.size(), false);
     for (const auto& sighting : p_.sightings) {
       if (!sighting.used) continue;
@@ -263,13 +303,13 @@ class Solution {
       const auto residuals = static_cast<int>(2 * sighting.pixels.size());
       problem_.AddResidualBlock(
           new ceres::AutoDiffCostFunction<SightingResidual<Motion>, ceres::DYNAMIC, Motion::kMechanism,
-                                          Motion::kCorrection, 4, 3, 4, 3>(
+                                          Motion::kCorrection, 4, 3, 4, 3, kLensNumbers>(
               new SightingResidual<Motion>{MotionOf(view), &p_.cameras[sighting.camera], &sighting,
                                            &weights_.back()},
               residuals),
           loss_ == OutlierLoss::kCauchy ? new ceres::CauchyLoss(kLossScale * std::sqrt(residuals)) : nullptr,
           p_.mechanism.data(), view.correction.data(), mount_.q.coeffs().data(), mount_.t.data(),
-          board.q.coeffs().data(), board.t.data());
+          board.q.coeffs().data(), board.t.data(), p_.cameras[sighting.camera].lens.numbers.data());
     }
   }
 
@@ -325,7 +365,8 @@ class Solution {
     sighting.off_px.clear();
     for (std::size_t i = 0; i < sighting.pixels.size(); ++i) {
       const Eigen::Vector3d p = T_camera_board * sighting.p_board[i];
-      sighting.off_px.push_back(Pixel<double>(camera.lens, camera.lens.numbers, p) - sighting.pixels[i]);
+      sighting.off_px.push_back(Pixel<double>(camera.lens.kind, camera.lens.numbers.data(), p) -
+                                sighting.pixels[i]);
       sum += sighting.off_px.back().squaredNorm();
     }
     sighting.rms_px = std::sqrt(sum / static_cast<double>(std::max<std::size_t>(1, sighting.pixels.size())));

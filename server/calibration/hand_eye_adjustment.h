@@ -9,10 +9,12 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <vector>
 
 #include "proto/base/result.h"
 #include "proto/geometry/frames.h"
+#include "server/calibration/deviations.h"
 #include "server/calibration/lens.h"
 
 namespace mixstage {
@@ -30,6 +32,9 @@ enum class OutlierLoss {
 struct HandEyeAdjustment {
   struct Camera {
     Lens lens;
+    // How well the calibration knows the lens' numbers; they are adjusted within that. Zero: held.
+    std::array<double, kLensNumbers> lens_expected{};
+    LensCovariance lens_covariance = LensCovariance::Zero();
     RigidTransform T_camera_color = RigidTransform::Identity();
     double noise_px = 0.15;
   };

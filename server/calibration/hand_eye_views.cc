@@ -49,6 +49,13 @@ std::optional<HandEyeInput> HandEyeViews(const RigCalibration& c) {
     input.views.push_back(std::move(head));
   }
   if (input.views.empty()) return std::nullopt;
+  for (std::size_t i = 0; i < c.deviations.size(); ++i) {
+    if (!c.deviations[i]) continue;
+    const std::string& name = c.scene.cameras[i].name;
+    (name == kColorName   ? input.color_covariance
+     : name == kDepthName ? input.depth_covariance
+                          : input.fisheye_covariance) = c.deviations[i]->lens_covariance;
+  }
   for (const SceneSighting& s : c.scene.sightings) {
     const Placement& placement = c.scene.placements[s.placement];
     const auto at = view_of.find(placement.view_index);
