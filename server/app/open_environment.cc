@@ -31,19 +31,24 @@ Rig RigIn(const Environment& environment, const Rig* given) {
   return rig;
 }
 
-void LearnNoiseFromTake(const Take& take, Studio& studio, std::vector<std::string>& warnings) {
+void LearnPredictionFromTake(const Take& take, Studio& studio, std::vector<std::string>& warnings) {
   TakeIngest ingest(take, studio.rig());
-  const int samples = std::min(PredictionNoise::kMostFrames, ingest.frames());
-  for (int i = 0; i < samples; ++i) {
-    std::string warning;
-    auto captured = ingest.Load(static_cast<int>(std::int64_t{i} * ingest.frames() / samples), warning);
-    if (captured) {
-      studio.LearnNoise(**captured);
-    } else {
-      warning = captured.error().message;
+  auto spread = [&](int wanted, auto see) {
+    const int samples = std::min(wanted, ingest.frames());
+    for (int i = 0; i < samples; ++i) {
+      std::string warning;
+      auto captured = ingest.Load(static_cast<int>(std::int64_t{i} * ingest.frames() / samples), warning);
+      if (!captured) warning = captured.error().message;
+      if (!warning.empty()) warnings.push_back(warning);
+      if (captured && !see(**captured)) return;
     }
-    if (!warning.empty()) warnings.push_back(warning);
-  }
+  };
+  spread(PredictionNoise::kMostFrames, [&](const CapturedFrame& captured) {
+    studio.LearnNoise(captured);
+    return true;
+  });
+  spread(RefinedBackground::kMostSamples,
+         [&](const CapturedFrame& captured) { return studio.LearnStanding(captured); });
 }
 
 }  // namespace mixstage

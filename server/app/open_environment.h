@@ -26,7 +26,8 @@ Result<OpenedEnvironment> OpenEnvironment(const std::filesystem::path& folder);
 // pan-tilt unit is the scan's in both cases, where it had one.
 Rig RigIn(const Environment& environment, const Rig* given);
 
-// Feeds pictures spread over a take to the studio's noise estimate.
-void LearnNoiseFromTake(const Take& take, Studio& studio, std::vector<std::string>& warnings);
+// Shows the studio pictures spread over a take: the sensors' noise and, where the camera stands, the room
+// itself, so that the first frame is keyed as well as the last.
+void LearnPredictionFromTake(const Take& take, Studio& studio, std::vector<std::string>& warnings);
 
 }  // namespace mixstage

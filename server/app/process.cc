@@ -258,7 +258,7 @@ Result<std::string> RunProcess(const ProcessOptions& options) {
   auto exporter = Exporter::Create(options.out, options.exports);
   if (!exporter) return tl::unexpected(exporter.error());
   if (options.environment) {
-    LearnNoiseFromTake(*take, *studio, totals.warnings);
+    LearnPredictionFromTake(*take, *studio, totals.warnings);
   } else {
     auto room = Learn(options, *take, *studio, totals.warnings);
     if (!room) return tl::unexpected(room.error());

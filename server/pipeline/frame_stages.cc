@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
@@ -65,6 +66,8 @@ constexpr auto kInfos = [] {
 constexpr double kRestDeg = 0.03;
 // A room that was predicted anew is one to show to others when the camera has stood for so many frames.
 constexpr int kStandingFrames = 15;
+// A camera that stands looks at the room so often to see it more sharply than the scan did.
+constexpr std::int64_t kRefineUs = 400'000;
 
 }  // namespace
 
@@ -220,20 +223,51 @@ std::shared_ptr<BackgroundModel> Studio::UnusedModel() {
 
 void Studio::PredictRoom(const RoomPrediction& prediction) {
   ++standing_frames_;
-  if (prediction.drawing == predicted_ && noise_.frames() == predicted_frames_) return;
-  standing_frames_ = 0;
-  predicted_ = prediction.drawing;
-  predicted_frames_ = noise_.frames();
-  room_.reset();
-  std::shared_ptr<BackgroundModel> model = UnusedModel();
-  PredictBackground(prediction, noise_, doubt_, model.get());
-  room_ = std::move(model);
+  if (prediction.drawing != predicted_ || noise_.frames() != predicted_frames_) {
+    standing_frames_ = 0;
+    predicted_ = prediction.drawing;
+    predicted_frames_ = noise_.frames();
+    refine_at_ = RefinedBackground::kFewestSamples;
+    room_.reset();
+    refined_.Begin(nullptr);
+    std::shared_ptr<BackgroundModel> model = UnusedModel();
+    PredictBackground(prediction, noise_, doubt_, model.get());
+    room_ = std::move(model);
+    refined_.Begin(room_);
+    UseDepth(prediction);
+  } else if (refined_.samples() >= refine_at_) {
+    std::shared_ptr<BackgroundModel> model = UnusedModel();
+    refined_.Refine(model.get());
+    room_ = std::move(model);
+    refine_at_ = refined_.complete() ? std::numeric_limits<int>::max()
+                                     : std::min(2 * refine_at_, RefinedBackground::kMostSamples);
+  }
+}
+
+void Studio::UseDepth(const RoomPrediction& prediction) {
   if (!room_depth_) {
     room_depth_.emplace();
     room_depth_->sigma_m = cv::Mat1f(prediction.depth_m.size(), std::max(doubt_.depth_sigma_m, 1e-3f));
   }
   room_depth_->revision = ++room_revision_;
   room_depth_->depth_m = prediction.depth_m;
+}
+
+bool Studio::LearnStanding(const CapturedFrame& captured) {
+  if (!room_view_) return false;
+  Frame frame;
+  frame.captured = std::shared_ptr<const CapturedFrame>(std::shared_ptr<void>(), &captured);
+  frame.T_world_color = PoseOf(captured);
+  const bool first = predicted_ == 0;
+  const RoomPrediction& prediction = room_view_->Look(frame.T_world_color);
+  const bool moved = prediction.drawing != predicted_;
+  PredictRoom(prediction);
+  if (moved && !first) return false;
+  HalfRgb(captured.color, &half_);
+  frame.D = WarpDepth(captured);
+  refine_due_us_ = captured.capture_us;
+  FrameStages::KeyActor(*this, frame);
+  return true;
 }
 
 std::shared_ptr<const BackgroundModel> Studio::standing_room() const {
@@ -278,6 +312,10 @@ void FrameStages::KeyActor(Studio& s, Frame& f) {
                         : 0;
   s.key_->Run(*s.room_, s.half_, View(std::as_const(f.D)), static_cast<float>(std::max(0.0, age_s)),
               View(f.label), View(f.alpha));
+  if (s.room_view_ && !s.refined_.complete() && f.captured->capture_us >= s.refine_due_us_) {
+    s.refine_due_us_ = f.captured->capture_us + kRefineUs;
+    s.refined_.Add(s.half_, s.key_->tone(), s.key_->half_mask(), View(std::as_const(f.label)));
+  }
 }
 
 void FrameStages::ShapeActor(Studio& s, Frame& f) {

@@ -21,6 +21,7 @@
 #include "server/segmentation/actor_surface.h"
 #include "server/segmentation/key.h"
 #include "server/segmentation/predicted_background.h"
+#include "server/segmentation/refined_background.h"
 
 namespace mixstage {
 
@@ -58,7 +59,9 @@ class Studio {
   void SetScene(std::shared_ptr<const Scene> scene);
   // With a scanned room: adds what this frame says about the sensors' noise; so do the first frames of Run.
   void LearnNoise(const CapturedFrame& captured);
-  [[nodiscard]] const PredictionNoise& prediction_noise() const { return noise_; }
+  // With a scanned room: adds what this frame shows of it where the camera stands; so does Run, now and then.
+  // False where the camera moved since the frame before: nothing was added.
+  bool LearnStanding(const CapturedFrame& captured);
   // What is known about the empty set now; null while it is being learnt.
   [[nodiscard]] const std::shared_ptr<const BackgroundModel>& room() const { return room_; }
   // The same while the camera stands; null where every frame has its own.
@@ -85,6 +88,7 @@ class Studio {
   void UseRoom(std::shared_ptr<const BackgroundModel> room, RoomState state);
   [[nodiscard]] RigidTransform PoseOf(const CapturedFrame& captured);
   void PredictRoom(const RoomPrediction& prediction);
+  void UseDepth(const RoomPrediction& prediction);
   [[nodiscard]] std::shared_ptr<BackgroundModel> UnusedModel();
 
   Rig rig_;
@@ -108,6 +112,9 @@ class Studio {
   std::uint64_t predicted_ = 0;  // drawing that room_ was made from
   int predicted_frames_ = 0;     // of noise_ at that time
   int standing_frames_ = 0;      // since the room was predicted anew
+  RefinedBackground refined_;
+  int refine_at_ = 0;  // samples of refined_ from which room_ is made anew
+  std::int64_t refine_due_us_ = 0;
   // learn_room, key_actor, actor_surface
   HalfPicture half_;
   std::optional<RoomLearner> learner_;

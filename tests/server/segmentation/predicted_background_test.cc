@@ -3,10 +3,12 @@
 
 #include <gtest/gtest.h>
 
+#include <opencv2/imgproc.hpp>
 #include <random>
 
 #include "server/segmentation/key.h"
 #include "server/segmentation/labels.h"
+#include "server/segmentation/refined_background.h"
 
 namespace mixstage {
 namespace {
@@ -105,6 +107,48 @@ TEST(PredictedBackground, KeysTheActorAndSaysUnknownWhereNothingWasObserved) {
     }
   }
   EXPECT_LT(wrong, 200);  // of 76,800; the actor's outline has 480 pixels
+}
+
+TEST(RefinedBackground, SeesTheRoomSharperAndAbsorbsNoStandingActor) {
+  const RoomPrediction truth = SomeRoom();
+  // The scan has the edge between the greys blurred and is off by 2 levels everywhere.
+  RoomPrediction scan = truth;
+  for (cv::Mat1b* plane : {&scan.r, &scan.g, &scan.b}) {
+    *plane = plane->clone();
+    cv::blur(*plane, *plane, {5, 1});
+    (*plane)(cv::Rect(0, 0, 120, kHeight / 2)) += 2;
+  }
+  const cv::Rect stands(20, 40, 20, 50);
+  PredictionNoise noise;
+  for (unsigned seed = 0; seed < 4; ++seed) {
+    const Show show = Record(truth, 1.5, 0.05, stands, seed);
+    noise.Add(scan, show.picture, View(std::as_const(show.depth_m)));
+  }
+  auto predicted = std::make_shared<BackgroundModel>();
+  PredictBackground(scan, noise, {}, predicted.get());
+  RefinedBackground refined;
+  refined.Begin(predicted);
+  auto key = Key::Create({});
+  ASSERT_TRUE(key);
+  cv::Mat1b label(kHeight, kWidth), alpha(kHeight, kWidth);
+  for (unsigned seed = 0; !refined.complete(); ++seed) {
+    const Show show = Record(truth, 1.5, 0.05, stands, seed + 100);
+    key->Run(*predicted, show.picture, View(std::as_const(show.depth_m)), 0, View(label), View(alpha));
+    refined.Add(show.picture, key->tone(), key->half_mask(), View(std::as_const(label)));
+  }
+  BackgroundModel model;
+  refined.Refine(&model);
+  // Beside the edge: the scan has a ramp, the camera sees a step. Up to one gain, which the tone change takes
+  // up.
+  const float step = model.mean[1](110, 60) / model.mean[1](110, 59);
+  EXPECT_NEAR(step, 150.0 / 80, 0.08);
+  EXPECT_NEAR(predicted->mean[1](110, 60) / predicted->mean[1](110, 59), 112.0 / 96, 0.1);
+  EXPECT_LT(model.variance[1](110, 60), 0.2f * predicted->variance[1](110, 60));
+  // Where he stands the prediction is left as it was.
+  EXPECT_EQ(model.mean[0](65, 30), predicted->mean[0](65, 30));
+  const Show show = Record(truth, 1.5, 0.05, stands, 7);
+  key->Run(model, show.picture, View(std::as_const(show.depth_m)), 0, View(label), View(alpha));
+  EXPECT_EQ(label(130, 60), kLabelActor);
 }
 
 }  // namespace
