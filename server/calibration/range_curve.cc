@@ -148,23 +148,47 @@ double Median(std::vector<double> values) {
   return *middle;
 }
 
+// Mean of what lies within five sigma of the median.
+double TrimmedMean(const std::vector<double>& values) {
+  const double middle = Median(values);
+  std::vector<double> sizes;
+  for (double v : values) sizes.push_back(std::abs(v - middle));
+  const double limit = 5 * 1.4826 * Median(sizes);
+  double sum = 0;
+  double count = 0;
+  for (double v : values) {
+    if (std::abs(v - middle) > limit) continue;
+    sum += v;
+    ++count;
+  }
+  return sum / std::max(count, 1.0);
+}
+
 // Rms over groups (steps of range, or views) of the mean of values.
 template <typename Group>
 double RmsOfMeans(const std::vector<RangeSample>& samples, const std::vector<double>& values, Group group) {
-  std::map<std::size_t, std::pair<double, double>> sums;
-  for (std::size_t i = 0; i < samples.size(); ++i) {
-    auto& [sum, count] = sums[group(samples[i])];
-    sum += values[i];
-    ++count;
-  }
+  std::map<std::size_t, std::vector<double>> groups;
+  for (std::size_t i = 0; i < samples.size(); ++i) groups[group(samples[i])].push_back(values[i]);
   double squares = 0;
-  std::size_t used = 0;
-  for (const auto& [key, s] : sums) {
-    if (s.second < 50) continue;
-    squares += (s.first / s.second) * (s.first / s.second);
+  double used = 0;
+  for (const auto& [key, list] : groups) {
+    if (list.size() < 50) continue;
+    const double mean = TrimmedMean(list);
+    squares += mean * mean;
     ++used;
   }
-  return used == 0 ? 0 : std::sqrt(squares / static_cast<double>(used));
+  return used == 0 ? 0 : std::sqrt(squares / used);
+}
+
+// Largest size of a curve between two ranges.
+double LargestSize(const Basis& basis, const Fit& fit, double from_m, double to_m) {
+  double largest = 0;
+  Eigen::VectorXd values;
+  for (double r = from_m; r <= to_m; r += 0.05) {
+    basis.At(r, values);
+    largest = std::max(largest, std::abs(values.dot(fit.coefficients.head(basis.size()))));
+  }
+  return largest;
 }
 
 double HeldOutRms(const std::vector<RangeSample>& samples, const Basis& basis, double median_amplitude) {
@@ -221,7 +245,10 @@ Result<RangeCurve> FitRangeCurve(const std::vector<RangeSample>& samples,
   curve.after_rms_m = RmsOfMeans(samples, by_spline.residuals, step);
   if (harmonics) {
     const double left = RmsOfMeans(samples, by_harmonics.residuals, step);
-    curve.harmonics = left <= std::max(1.3 * curve.after_rms_m, 0.0005);
+    // Harmonics that cancel each other only where boards stood explain nothing.
+    const double seen = LargestSize(spline, by_spline, curve.from_m, curve.to_m);
+    const bool sane = LargestSize(*harmonics, by_harmonics, 0, *unambiguous_range_m) <= 3 * seen + 0.01;
+    curve.harmonics = sane && left <= std::max(1.3 * curve.after_rms_m, 0.0005);
     if (curve.harmonics) curve.after_rms_m = left;
   }
   const Basis& basis = curve.harmonics ? static_cast<const Basis&>(*harmonics) : spline;

@@ -22,20 +22,18 @@ std::optional<double> Paint(const Board& b, double x, double y, const BoardPictu
 template <typename Camera, typename Ray>
 cv::Mat1f Draw(const Camera& camera, const std::vector<PlacedBoard>& boards, const BoardPictureLook& look,
                Ray ray_of) {
-  constexpr int kSide = 7;  // quantiles of the spot in x and in y
-  std::array<double, kSide> offsets{};
-  for (int i = 0; i < kSide; ++i) {
-    // Quantile (i + 0.5) / kSide of a Gaussian by bisection.
+  constexpr int kSide = 7;         // strata of the spot in x and in y
+  constexpr int kQuantiles = 512;  // of a Gaussian, by bisection
+  std::array<double, kQuantiles> quantiles{};
+  for (int i = 0; i < kQuantiles; ++i) {
     double low = -5;
     double high = 5;
-    for (int k = 0; k < 50; ++k) {
+    for (int k = 0; k < 40; ++k) {
       const double middle = 0.5 * (low + high);
-      (0.5 * std::erfc(-middle / std::numbers::sqrt2) < (i + 0.5) / kSide ? low : high) = middle;
+      (0.5 * std::erfc(-middle / std::numbers::sqrt2) < (i + 0.5) / kQuantiles ? low : high) = middle;
     }
-    offsets[static_cast<std::size_t>(i)] = low;
+    quantiles[static_cast<std::size_t>(i)] = low;
   }
-  double variance = 0;  // of the quantiles, a little below 1
-  for (double o : offsets) variance += o * o / kSide;
   std::vector<RigidTransform> T_board_camera;
   for (const PlacedBoard& b : boards) T_board_camera.push_back(b.T_camera_board.inverse());
   auto brightness = [&](double u, double v) {
@@ -54,16 +52,18 @@ cv::Mat1f Draw(const Camera& camera, const std::vector<PlacedBoard>& boards, con
   };
   std::mt19937_64 random(look.seed);
   std::normal_distribution<double> noise(0, look.noise);
+  // A ray at a random place of its stratum: a fixed grid would make steps of its own along edges.
+  auto offset = [&](int stratum) {
+    const int first = stratum * kQuantiles / kSide;
+    const int end = (stratum + 1) * kQuantiles / kSide;
+    const auto pick = static_cast<int>(random() % static_cast<std::uint64_t>(end - first));
+    return look.spot_px * quantiles[static_cast<std::size_t>(first + pick)];
+  };
   cv::Mat1f picture(camera.height, camera.width);
   for (int v = 0; v < camera.height; ++v) {
     for (int u = 0; u < camera.width; ++u) {
       double sum = 0;
-      for (double du : offsets) {
-        for (double dv : offsets) {
-          sum += brightness(u + du * look.spot_px / std::sqrt(variance),
-                            v + dv * look.spot_px / std::sqrt(variance));
-        }
-      }
+      for (int i = 0; i < kSide * kSide; ++i) sum += brightness(u + offset(i % kSide), v + offset(i / kSide));
       picture(v, u) = static_cast<float>(sum / (kSide * kSide) + noise(random));
     }
   }

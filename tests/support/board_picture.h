@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Pictures of boards with known truth: every pixel is the mean of rays through a Gaussian spot, traced to the
-// board's plane.
+// Pictures of boards with known truth: every pixel is the mean of 49 rays through a Gaussian spot, traced to
+// the board's plane.
 #pragma once
 
 #include <cstdint>
