@@ -39,7 +39,11 @@ void JudgeCamera(const SceneCamera& camera, const CameraFigures& f,
              "board.json, or a lens this model cannot describe",
              name, camera.corner_sigma_px, limit_px));
   }
-  if (!deviation) return;
+  if (!deviation) {
+    if (camera.T_first_camera && c.failed_gates.empty())
+      c.failed_gates.push_back(Text("%s: none of its boards could be adjusted", name));
+    return;
+  }
   for (int i = 0; i < 2; ++i) {
     const auto n = static_cast<std::size_t>(i);
     if (deviation->lens[n] > kFocalDeviation * lens.numbers[n]) {

@@ -60,7 +60,7 @@ double Disagreement(const BoardScene& scene, const std::vector<Link>& links,
 void PosePlacements(BoardScene& scene, const OwnPoses& own) {
   for (std::size_t p = 0; p < scene.placements.size(); ++p) {
     if (scene.placements[p].T_first_board) continue;
-    double best = 0;
+    double best = -1;
     for (std::size_t i = 0; i < scene.sightings.size(); ++i) {
       const SceneSighting& s = scene.sightings[i];
       const auto& T_first_camera = scene.cameras[s.camera].T_first_camera;
