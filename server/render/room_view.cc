@@ -3,7 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
+#include <span>
 #include <utility>
+#include <vector>
 
 #include "proto/base/check.h"
 #include "server/render/interpolate.h"
@@ -21,6 +24,8 @@ constexpr float kSharper = 0.7f;
 // Gaps up to this share of the picture's width are thin: cells torn at a silhouette, strips that its parallax
 // hid.
 constexpr int kThinShare = 40;
+constexpr std::size_t kChunkTriangles = 2000;
+constexpr int kLargestTexture = 8192;  // px a side: the whole room at a camera's resolution
 
 PinholeCamera HalfOf(const PinholeCamera& camera) {
   PinholeCamera half = camera;
@@ -53,52 +58,136 @@ double Moved_px(const RigidTransform& a, const RigidTransform& b, double focal_p
   return focal_px * (angle_rad + step.translation().norm() / kNearestRoom_m);
 }
 
-// Where a thin gap between surfaces is continued from: the pixel at the end of the shorter run, across or
-// down, that lies farther away (beside a silhouette stands the room behind it). Indices into depth_m, -1
-// elsewhere.
-cv::Mat1i FindSources(const cv::Mat1f& depth_m, int widest) {
-  cv::Mat1i source(depth_m.size(), -1);
-  cv::Mat1i length(depth_m.size(), widest + 1);
+// Pixels of a thin gap between surfaces, and where they are continued from: the pixel at the end of the
+// shorter run, across or down, that lies farther away (beside a silhouette stands the room behind it).
+struct Continued {
+  int pixel, source;  // indices into depth_m
+};
+void FindThinGaps(const cv::Mat1f& depth_m, int widest, std::vector<Continued>& gaps) {
+  gaps.clear();
   const int width = depth_m.cols;
-  // A line of the picture: its n pixels lie `step` apart.
-  auto fill_line = [&](int first, int step, int n) {
-    const float* z = depth_m.ptr<float>() + first;
-    for (int i = 0; i < n;) {
-      if (z[i * step] > 0) {
-        ++i;
+  const int height = depth_m.rows;
+  const float* z = depth_m.ptr<float>();
+  auto farther = [&](int before, int after) {
+    if (before < 0 || after < 0) return std::max(before, after);
+    return z[before] >= z[after] ? before : after;
+  };
+  for (int y = 0; y < height; ++y) {
+    const float* row = z + y * width;
+    for (int x = 0; x < width;) {
+      if (row[x] > 0) {
+        ++x;
         continue;
       }
-      const int begin = i;
-      while (i < n && !(z[i * step] > 0)) ++i;
-      const int run = i - begin;
-      if (run > widest || run == n) continue;
-      const bool before = begin > 0 && (i == n || z[(begin - 1) * step] >= z[i * step]);
-      const int from = first + (before ? begin - 1 : i) * step;
-      for (int k = begin; k < i; ++k) {
-        const int at = first + k * step;
-        if (run >= length(at)) continue;
-        length(at) = run;
-        source(at) = from;
+      const int begin = x;
+      while (x < width && !(row[x] > 0)) ++x;
+      const int across = x - begin;
+      const int beside = farther(begin > 0 ? y * width + begin - 1 : -1, x < width ? y * width + x : -1);
+      for (int u = begin; u < x; ++u) {
+        int above = y - 1;
+        int below = y + 1;
+        while (above >= 0 && y - above <= widest && !(z[above * width + u] > 0)) --above;
+        while (below < height && below - above <= widest && !(z[below * width + u] > 0)) ++below;
+        const int down = below - above - 1;
+        const bool ends =
+            (above < 0 || z[above * width + u] > 0) && (below == height || z[below * width + u] > 0);
+        if (ends && down <= widest && down < across && (above >= 0 || below < height)) {
+          gaps.push_back({y * width + u, farther(above >= 0 ? above * width + u : -1,
+                                                 below < height ? below * width + u : -1)});
+        } else if (across <= widest && beside >= 0) {
+          gaps.push_back({y * width + u, beside});
+        }
       }
     }
-  };
-  for (int y = 0; y < depth_m.rows; ++y) fill_line(y * width, 1, width);
-  for (int x = 0; x < width; ++x) fill_line(x, width, depth_m.rows);
-  return source;
+  }
+}
+
+// A picture whose old content somebody else may still hold.
+template <typename T>
+void CreateUnshared(cv::Size size, cv::Mat_<T>& picture) {
+  if (picture.size() == size && picture.u != nullptr && picture.u->refcount == 1) return;
+  picture = cv::Mat_<T>(size);
 }
 
 }  // namespace
 
 RoomView::RoomView(const Rig& rig, RoomModel room, std::unique_ptr<Rasteriser> rasteriser)
     : color_(rig.color),
-      positions_(std::move(room.positions)),
-      uvs_(std::move(room.uvs)),
-      indices_(std::move(room.indices)),
-      texture_(TextureOf(room.texture_bgr)),
+      texture_(TextureOf(room.texture_bgr), kLargestTexture),
       rasteriser_(std::move(rasteriser)),
       full_(ShadingOf(rig, rig.color)),
       half_(ShadingOf(rig, HalfOf(rig.color))) {
+  for (const cv::Vec2f& ray : full_.rays) {
+    const double angle = std::atan(std::hypot(ray[0], ray[1]));
+    // Beyond the lens's fold a pixel has no ray: then nothing is left out.
+    view_angle_rad_ = std::isfinite(angle) ? std::max(view_angle_rad_, angle) : std::numbers::pi;
+    if (view_angle_rad_ == std::numbers::pi) break;
+  }
+  Split(room);
   corners_.resize(positions_.size());
+}
+
+// Halves the triangles across their longest extent until a part has kChunkTriangles: near each other in the
+// room, they are seen or not seen together.
+void RoomView::Split(const RoomModel& room) {
+  const std::size_t count = room.triangle_count();
+  std::vector<Eigen::Vector3f> middles(count);
+  std::vector<std::uint32_t> order(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::uint32_t* corner = &room.indices[3 * i];
+    middles[i] = (room.positions[corner[0]] + room.positions[corner[1]] + room.positions[corner[2]]) / 3.0f;
+    order[i] = static_cast<std::uint32_t>(i);
+  }
+  std::vector<std::pair<std::size_t, std::size_t>> open = {{0, count}};
+  std::vector<std::uint32_t> number(room.positions.size());  // of a vertex in the chunk, from 1 on
+  while (!open.empty()) {
+    const auto [begin, end] = open.back();
+    open.pop_back();
+    Eigen::AlignedBox3f box;
+    for (std::size_t i = begin; i < end; ++i) box.extend(middles[order[i]]);
+    if (end - begin > kChunkTriangles) {
+      Eigen::Index axis = 0;
+      box.sizes().maxCoeff(&axis);
+      const std::size_t middle = begin + (end - begin) / 2;
+      const auto at = [&](std::size_t i) { return order.begin() + static_cast<std::ptrdiff_t>(i); };
+      std::nth_element(at(begin), at(middle), at(end), [&](std::uint32_t a, std::uint32_t b) {
+        return std::pair(middles[a][axis], a) < std::pair(middles[b][axis], b);
+      });
+      open.emplace_back(middle, end);
+      open.emplace_back(begin, middle);
+      continue;
+    }
+    Chunk chunk;
+    chunk.first_vertex = static_cast<std::uint32_t>(positions_.size());
+    chunk.first_index = static_cast<std::uint32_t>(indices_.size());
+    chunk.triangles = static_cast<std::uint32_t>(end - begin);
+    std::fill(number.begin(), number.end(), 0);
+    Eigen::AlignedBox3f around;
+    for (std::size_t i = begin; i < end; ++i) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::uint32_t vertex = room.indices[3 * order[i] + k];
+        if (number[vertex] == 0) {
+          positions_.push_back(room.positions[vertex]);
+          uvs_.push_back(room.uvs[vertex]);
+          around.extend(room.positions[vertex]);
+          number[vertex] = ++chunk.vertices;
+        }
+        indices_.push_back(number[vertex] - 1);
+      }
+      chunk_of_.push_back(static_cast<std::uint32_t>(chunks_.size()));
+    }
+    chunk.center = around.center().cast<double>();
+    chunk.radius_m = 0.5 * static_cast<double>(around.diagonal().norm());
+    chunks_.push_back(chunk);
+  }
+}
+
+bool RoomView::MaySee(const Chunk& chunk, const RigidTransform& T_color_world) const {
+  const Eigen::Vector3d center = T_color_world * chunk.center;
+  const double distance = center.norm();
+  if (distance <= chunk.radius_m) return true;
+  const double angle = std::atan2(std::hypot(center.x(), center.y()), center.z());
+  return angle <= view_angle_rad_ + std::asin(chunk.radius_m / distance);
 }
 
 Result<RoomView> RoomView::Create(const Rig& rig, RoomModel room, const RenderDevice& device) {
@@ -136,28 +225,32 @@ const RoomPrediction& RoomView::Look(const RigidTransform& T_world_color) {
 void RoomView::Redraw(const RigidTransform& T_world_color) {
   T_world_color_ = T_world_color;
   const RigidTransform T_color_world = T_world_color.inverse();
-  rasteriser_->Begin({});
-  rasteriser_->Draw({.positions = positions_, .indices = indices_}, Eigen::Affine3d(T_color_world.matrix()),
-                    0, Faces::kBoth);
-  visible_ = &rasteriser_->Finish();
-
   const Eigen::Matrix3f R = T_color_world.linear().cast<float>();
   const Eigen::Vector3f t = T_color_world.translation().cast<float>();
-  for (std::size_t i = 0; i < positions_.size(); ++i) {
-    const Eigen::Vector3f p = R * positions_[i] + t;
-    corners_[i] = Eigen::Array4f(p.x(), p.y(), p.z(), uvs_[i].x());
+  rasteriser_->Begin({});
+  for (const Chunk& chunk : chunks_) {
+    if (!MaySee(chunk, T_color_world)) continue;
+    rasteriser_->Draw(
+        {.positions = std::span(positions_).subspan(chunk.first_vertex, chunk.vertices),
+         .indices = std::span(indices_).subspan(chunk.first_index, 3 * std::size_t{chunk.triangles})},
+        Eigen::Affine3d(T_color_world.matrix()), static_cast<int>(chunk.first_index / 3), Faces::kBoth);
+    for (std::size_t i = chunk.first_vertex; i < chunk.first_vertex + chunk.vertices; ++i) {
+      const Eigen::Vector3f p = R * positions_[i] + t;
+      corners_[i] = Eigen::Array4f(p.x(), p.y(), p.z(), uvs_[i].x());
+    }
   }
+  visible_ = &rasteriser_->Finish();
 
   const std::uint64_t drawing = prediction_.drawing + 1;
   const cv::Size half = half_.rays.size();
-  prediction_ = {.drawing = drawing,
-                 .width = color_.width,
-                 .height = color_.height,
-                 .r = cv::Mat1b(half),
-                 .g = cv::Mat1b(half),
-                 .b = cv::Mat1b(half),
-                 .seen = cv::Mat1b(half),
-                 .depth_m = visible_->depth_m.clone()};
+  std::swap(prediction_, before_);
+  prediction_.drawing = drawing;
+  prediction_.width = color_.width;
+  prediction_.height = color_.height;
+  for (cv::Mat1b* plane : {&prediction_.r, &prediction_.g, &prediction_.b, &prediction_.seen})
+    CreateUnshared(half, *plane);
+  CreateUnshared(full_.rays.size(), prediction_.depth_m);
+  visible_->depth_m.copyTo(prediction_.depth_m);
   const SrgbTables& srgb = SrgbTables::Get();
   cv::Mat1f half_depth(half);
   for (int v = 0; v < half.height; ++v) {
@@ -188,18 +281,14 @@ float RoomView::DepthAround(int u, int v) const {
 
 void RoomView::FillThinGaps(const cv::Mat1f& half_depth_m) {
   const int widest = std::max(2, color_.width / kThinShare);
-  if (cv::countNonZero(prediction_.depth_m) < color_.width * color_.height) {
-    const cv::Mat1i source = FindSources(prediction_.depth_m, widest);
-    for (int i = 0; i < color_.width * color_.height; ++i) {
-      if (source(i) >= 0) prediction_.depth_m(i) = prediction_.depth_m(source(i));
-    }
-  }
-  const cv::Mat1i source = FindSources(half_depth_m, widest / 2);
-  for (int i = 0; i < static_cast<int>(source.total()); ++i) {
-    if (source(i) < 0) continue;
+  std::vector<Continued> gaps;
+  FindThinGaps(prediction_.depth_m, widest, gaps);
+  for (const Continued& gap : gaps) prediction_.depth_m(gap.pixel) = prediction_.depth_m(gap.source);
+  FindThinGaps(half_depth_m, widest / 2, gaps);
+  for (const Continued& gap : gaps) {
     for (cv::Mat1b* channel : {&prediction_.r, &prediction_.g, &prediction_.b})
-      (*channel)(i) = (*channel)(source(i));
-    prediction_.seen(i) = RoomPrediction::kFilled;
+      (*channel)(gap.pixel) = (*channel)(gap.source);
+    prediction_.seen(gap.pixel) = RoomPrediction::kFilled;
   }
 }
 
@@ -281,10 +370,12 @@ void RoomView::Shade(const Shading& shading, int v, std::vector<cv::Vec4f>& row)
     const Fragment& fragment = fragments_[i];
     rows_.row(kRayX)[i] = fragment.ray_x;
     rows_.row(kRayY)[i] = fragment.ray_y;
-    const std::uint32_t* triangle = &indices_[3 * static_cast<std::size_t>(fragment.triangle)];
+    const auto number = static_cast<std::size_t>(fragment.triangle);
+    const std::uint32_t* triangle = &indices_[3 * number];
+    const std::size_t first = chunks_[chunk_of_[number]].first_vertex;
     for (std::size_t k = 0; k < 3; ++k) {
-      Eigen::Map<Eigen::Array4f>(rows_.corner(k) + 4 * i) = corners_[triangle[k]];
-      rows_.corner(k + 3)[4 * i + 3] = uvs_[triangle[k]].y();  // no normals: nothing is lit here
+      Eigen::Map<Eigen::Array4f>(rows_.corner(k) + 4 * i) = corners_[first + triangle[k]];
+      rows_.corner(k + 3)[4 * i + 3] = uvs_[first + triangle[k]].y();  // no normals: nothing is lit here
     }
   }
   Interpolate(shading.pixel_rad, count, rows_);

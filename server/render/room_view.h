@@ -41,6 +41,13 @@ class RoomView {
     float ray_x = 0, ray_y = 0;
     float share = 0;  // of the pixel
   };
+  // A part of the room, drawn where the camera may see it.
+  struct Chunk {
+    std::uint32_t first_vertex = 0, vertices = 0;
+    std::uint32_t first_index = 0, triangles = 0;
+    Eigen::Vector3d center = Eigen::Vector3d::Zero();  // of a sphere around it
+    double radius_m = 0;
+  };
   // Pictures of the whole picture's size or of half of it.
   struct Shading {
     cv::Mat2f rays;  // (x/z, y/z) of the pixel centres
@@ -50,6 +57,8 @@ class RoomView {
 
   RoomView(const Rig& rig, RoomModel room, std::unique_ptr<Rasteriser> rasteriser);
   static Shading ShadingOf(const Rig& rig, const PinholeCamera& camera);
+  void Split(const RoomModel& room);
+  [[nodiscard]] bool MaySee(const Chunk& chunk, const RigidTransform& T_color_world) const;
   void Redraw(const RigidTransform& T_world_color);
   [[nodiscard]] float DepthAround(int u, int v) const;
   void FillThinGaps(const cv::Mat1f& half_depth_m);
@@ -59,14 +68,18 @@ class RoomView {
   void Shade(const Shading& shading, int v, std::vector<cv::Vec4f>& row);
 
   PinholeCamera color_;
+  double view_angle_rad_ = 0;  // between the axis and the farthest pixel's ray
+  std::vector<Chunk> chunks_;
+  // Chunk after chunk, each with vertices of its own; indices count from its first vertex.
   std::vector<Eigen::Vector3f> positions_;
   std::vector<Eigen::Vector2f> uvs_;
   std::vector<std::uint32_t> indices_;
+  std::vector<std::uint32_t> chunk_of_;  // one a triangle
   TextureMips texture_;
   std::unique_ptr<Rasteriser> rasteriser_;
   Shading full_, half_;
   RigidTransform T_world_color_ = RigidTransform::Identity();
-  RoomPrediction prediction_;
+  RoomPrediction prediction_, before_;         // the one before: its memory serves again when nobody holds it
   const VisibilityBuffer* visible_ = nullptr;  // of the last redraw
   // Scratch of a row and of a redraw.
   std::vector<Eigen::Array4f> corners_;  // of every vertex: x, y, z in the camera's frame, u

@@ -11,8 +11,6 @@
 namespace mixstage {
 namespace {
 
-constexpr int kLargestSide = 4096;
-
 cv::Mat4w ToLinear(const cv::Mat4b& rgba) {
   std::array<std::uint16_t, 256> linear{};
   for (int i = 0; i < 256; ++i)
@@ -118,10 +116,11 @@ float LinearOfSrgb8(int x) {
   return c <= 0.04045f ? c / 12.92f : std::pow((c + 0.055f) / 1.055f, 2.4f);
 }
 
-TextureMips::TextureMips(const Texture& texture) : wrap_u_(texture.wrap_u), wrap_v_(texture.wrap_v) {
+TextureMips::TextureMips(const Texture& texture, int largest_side)
+    : wrap_u_(texture.wrap_u), wrap_v_(texture.wrap_v) {
   MIX_CHECK(!texture.rgba.empty());
   cv::Mat4w image = ToLinear(texture.rgba);
-  while (std::max(image.rows, image.cols) > kLargestSide) image = Halve(image);
+  while (std::max(image.rows, image.cols) > largest_side) image = Halve(image);
   std::vector<cv::Mat4w> images = {image};
   while (images.back().rows > 1 || images.back().cols > 1) images.push_back(Halve(images.back()));
   MIX_CHECK(images.size() <= kMostLevels);

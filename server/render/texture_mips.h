@@ -30,15 +30,17 @@ class TextureMips {
   };
 
   // The levels once more, a number an array, for vectors of fragments that each look up their own level.
-  static constexpr std::size_t kMostLevels = 13;  // 4096 .. 1
+  static constexpr std::size_t kMostLevels = 14;  // 8192 .. 1
   struct LevelTable {
     std::array<float, kMostLevels> width{}, height{};
     std::array<std::int32_t, kMostLevels> first{};  // texels from texels() to the level's corner
     std::array<std::int32_t, kMostLevels> stride{};
   };
 
-  // A side over 4096 px is halved first: no picture of ours shows more.
-  explicit TextureMips(const Texture& texture);
+  // No picture of ours shows more of one object.
+  static constexpr int kLargestSide = 4096;  // px
+  // A side over largest_side px (at most 8192) is halved first.
+  explicit TextureMips(const Texture& texture, int largest_side = kLargestSide);
 
   [[nodiscard]] std::span<const Level> levels() const { return levels_; }
   [[nodiscard]] const LevelTable& table() const { return table_; }
