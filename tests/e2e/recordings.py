@@ -21,7 +21,7 @@ PYTHON = "/usr/bin/python3"  # Debian's: python3-opencv belongs to it
 def process(take, name, *more):
     out = OUT / name
     run = subprocess.run([str(BUILD / "mixstage-server"), "--log-level", "error", "process", "--take", str(take), "--out", str(out),
-                          "--export", "composite,depth,alpha,label,cg_alpha,report", "--json", *map(str, more)],
+                          *([] if "--export" in more else ["--export", "composite,depth,alpha,label,cg_alpha,report"]), "--json", *map(str, more)],
                          capture_output=True, text=True, timeout=900)
     assert run.returncode == 0, f"exit {run.returncode}: {run.stderr.strip()}"
     return out, json.loads(run.stdout)
@@ -75,6 +75,40 @@ def the_actor_of_a_photoreal_studio_is_cut_out_and_occludes():
             f'composite {composite["psnr_whole"]:.1f} dB, depth {depth}, {report["total"]["core_ms_per_frame"]:.1f} core-ms')
 
 
+def a_scanned_room_is_keyed_against_without_a_clean_plate():
+    studio = DATA / "studio_a"
+    truth = studio / "ground_truth"
+    room = OUT / "room"
+    scan = subprocess.run([str(BUILD / "mixstage-server"), "--log-level", "error", "scan", "--views", str(studio / "scan"),
+                           "--rig", str(truth / "rig.json"), "--out", str(room), "--json"], capture_output=True, text=True, timeout=900)
+    assert scan.returncode == 0, f"exit {scan.returncode}: {scan.stderr.strip()}"
+    check = subprocess.run([str(BUILD / "mixstage-server"), "check", "--environment", str(room)], capture_output=True, text=True, timeout=60)
+    assert check.returncode == 0 and "good" in check.stdout, check
+    # A copy without the clean plate: nothing else may be read.
+    take = OUT / "take_without_plate"
+    take.mkdir(exist_ok=True)
+    for part in (studio / "take_static").iterdir():
+        if part.name != "clean_plate" and not (take / part.name).exists():
+            (take / part.name).symlink_to(part)
+    out, report = process(take, "scanned", "--environment", room, "--scene", studio / "objects" / "scene.yaml",
+                          "--export", "composite,alpha,label,cg_alpha,predicted,report")
+    matte = evaluate("evaluate_matte.py", out, truth / "matte_static", "--shadow", truth / "shadow_static")
+    composite = evaluate("evaluate_composite.py", out, truth / "composite", truth / "cg_alpha", studio / "take_static" / "rgb")
+    empty = evaluate("evaluate_picture.py", out / "predicted_color" / "0000.png", truth / "empty_room.png")
+    assert matte["F"] >= 0.976 and matte["boundary_mean_px"] <= 1.9 and matte["shadow_as_actor"] <= 0.016, matte
+    assert composite["order_error"] <= 0.02, composite
+    assert empty["psnr"] >= 30, empty
+    moving, moving_report = process(studio / "take_moving", "scanned_moving", "--environment", room,
+                                    "--export", "alpha,label,predicted,report")
+    moving_matte = evaluate("evaluate_matte.py", moving, truth / "matte_moving", "--shadow", truth / "shadow_moving")
+    moving_depth = evaluate("evaluate_depth.py", moving / "predicted_depth", truth / "depth_moving", "--mask", truth / "matte_moving", "--invert")
+    assert moving_matte["F"] >= 0.97, moving_matte
+    assert moving_depth["median_abs_mm"] <= 5, moving_depth
+    return (f'F {matte["F"]:.4f}, boundary {matte["boundary_mean_px"]:.2f} px, order error {100 * composite["order_error"]:.2f} %, empty set '
+            f'{empty["psnr"]:.1f} dB, {report["total"]["core_ms_per_frame"]:.1f} core-ms; camera moving: F {moving_matte["F"]:.4f}, D_M off by '
+            f'{moving_depth["median_abs_mm"]:.0f} mm, {moving_report["total"]["core_ms_per_frame"]:.1f} core-ms')
+
+
 def two_runs_give_the_same_bytes():
     take = DATA / "real" / "rgbd_desk"
     first = process(take, "first", "--frames", "0:6")[0]
@@ -86,7 +120,8 @@ def two_runs_give_the_same_bytes():
 
 
 TESTS = [every_recording_plays, people_are_keyed_and_the_room_is_not, hands_over_a_desk_are_keyed_without_any_empty_frame,
-         the_actor_of_a_photoreal_studio_is_cut_out_and_occludes, two_runs_give_the_same_bytes]
+         the_actor_of_a_photoreal_studio_is_cut_out_and_occludes, a_scanned_room_is_keyed_against_without_a_clean_plate,
+         two_runs_give_the_same_bytes]
 
 if __name__ == "__main__":
     if not DATA.is_dir():
