@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/environment/dense_surface.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -17,14 +18,77 @@ Eigen::Vector3f GoOn(const Eigen::Vector3f& plane, const Eigen::Vector3f& from_r
   return to_ray.normalized() * std::clamp(to, 0.5f * from, 2 * from);
 }
 
-struct Candidate {
-  float inverse_range = 0, score = 0;
-  int node = -1, room_plane = -1;
-};
+constexpr std::array<std::pair<int, int>, 4> kBeside = {{{1, 0}, {-1, 0}, {0, 1}, {0, -1}}};
 
-}  // namespace
+// Least squares of a plane through nodes' own planes at their rays.
+Eigen::Vector3f PlaneThrough(const SurfaceNodes& nodes, const std::vector<int>& rim) {
+  Eigen::Matrix3d A = Eigen::Matrix3d::Identity() * 1e-9;
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  for (const int i : rim) {
+    const Eigen::Vector3d ray = nodes.ray[static_cast<std::size_t>(i)].cast<double>();
+    A += ray * ray.transpose();
+    b += nodes.plane[static_cast<std::size_t>(i)].cast<double>().dot(ray) * ray;
+  }
+  return A.ldlt().solve(b).cast<float>();
+}
 
-int FillNodes(SurfaceNodes& nodes, const std::vector<std::uint8_t>& wanted) {
+// A hole whose rim lies on one plane is a part of it: a pane in its frame, a black thing on a wall. Holes that reach
+// the picture's end, or whose rim is several surfaces, stay open.
+int FillHoles(SurfaceNodes& nodes, std::vector<std::uint8_t>& open) {
+  constexpr float kOneSurface = 0.02f;  // of the range
+  constexpr std::size_t kLeastRim = 8;
+  int filled = 0;
+  for (std::size_t start = 0; start < open.size(); ++start) {
+    if (!open[start]) continue;
+    std::vector<int> hole = {static_cast<int>(start)}, rim;
+    open[start] = 0;
+    bool closed = true;
+    for (std::size_t next = 0; next < hole.size(); ++next) {
+      for (const auto& [dx, dy] : kBeside) {
+        const int at = nodes.At(hole[next] % nodes.width + dx, hole[next] / nodes.width + dy);
+        if (at < 0) {
+          closed = false;
+        } else if (!nodes.plane[static_cast<std::size_t>(at)].isZero()) {
+          rim.push_back(at);
+        } else if (open[static_cast<std::size_t>(at)]) {
+          open[static_cast<std::size_t>(at)] = 0;
+          hole.push_back(at);
+        } else if (std::find(hole.begin(), hole.end(), at) == hole.end()) {
+          closed = false;  // nobody wants it: outside the sweep
+        }
+        if (!closed) break;
+      }
+    }
+    std::sort(rim.begin(), rim.end());
+    rim.erase(std::unique(rim.begin(), rim.end()), rim.end());
+    if (!closed || rim.size() < kLeastRim) continue;
+    // Planes through three places of the rim, evenly and reproducibly chosen; then all of the rim that lies on the best.
+    std::vector<int> best;
+    const std::size_t n = rim.size();
+    for (std::size_t k = 0; k < 64; ++k) {
+      const std::size_t a = k * 7919 % n, b = (a + n / 3 + k % 5) % n, c = (a + 2 * n / 3 + k % 7) % n;
+      const Eigen::Vector3f m = PlaneThrough(nodes, {rim[a], rim[b], rim[c]});
+      std::vector<int> on;
+      for (const int i : rim) {
+        const auto at = static_cast<std::size_t>(i);
+        const float own = nodes.plane[at].dot(nodes.ray[at]);
+        if (std::abs(m.dot(nodes.ray[at]) - own) < kOneSurface * own) on.push_back(i);
+      }
+      if (on.size() > best.size()) best = on;
+    }
+    if (2 * best.size() < n) continue;
+    const Eigen::Vector3f m = PlaneThrough(nodes, best);
+    for (const int i : hole) {
+      const auto at = static_cast<std::size_t>(i);
+      if (m.dot(nodes.ray[at]) <= 0) continue;
+      nodes.plane[at] = m;
+      ++filled;
+    }
+  }
+  return filled;
+}
+
+int Spread(SurfaceNodes& nodes, const std::vector<std::uint8_t>& wanted) {
   std::vector<int> front;
   for (std::size_t i = 0; i < nodes.plane.size(); ++i)
     if (!nodes.plane[i].isZero()) front.push_back(static_cast<int>(i));
@@ -36,7 +100,7 @@ int FillNodes(SurfaceNodes& nodes, const std::vector<std::uint8_t>& wanted) {
     std::vector<std::pair<int, int>> takes;  // node, from
     for (const int i : front) {
       const int x = i % nodes.width, y = i / nodes.width;
-      for (const auto& [dx, dy] : {std::pair{1, 0}, std::pair{-1, 0}, std::pair{0, 1}, std::pair{0, -1}}) {
+      for (const auto& [dx, dy] : kBeside) {
         const int at = nodes.At(x + dx, y + dy);
         if (at < 0 || !wanted[static_cast<std::size_t>(at)] ||
             !nodes.plane[static_cast<std::size_t>(at)].isZero())
@@ -67,6 +131,19 @@ int FillNodes(SurfaceNodes& nodes, const std::vector<std::uint8_t>& wanted) {
     front.swap(next);
   }
   return filled;
+}
+
+struct Candidate {
+  float inverse_range = 0, score = 0;
+  int node = -1, room_plane = -1;
+};
+
+}  // namespace
+
+int FillNodes(SurfaceNodes& nodes, const std::vector<std::uint8_t>& wanted) {
+  std::vector<std::uint8_t> open(nodes.plane.size());
+  for (std::size_t i = 0; i < open.size(); ++i) open[i] = wanted[i] && nodes.plane[i].isZero();
+  return FillHoles(nodes, open) + Spread(nodes, wanted);
 }
 
 DenseSurface MakeDense(const SurfaceNodes& nodes, const FusedDepth& fused, const PanoramaGrid& grid,

@@ -11,6 +11,7 @@
 #include "server/environment/dense_surface.h"
 #include "server/environment/depth_fusion.h"
 #include "server/environment/range_view.h"
+#include "server/environment/registration.h"
 #include "server/environment/room_planes.h"
 #include "server/environment/surface_fit.h"
 #include "server/environment/surface_mesh.h"
@@ -71,6 +72,7 @@ Surface BuildSurface(const std::vector<LoadedView>& views, const std::vector<Rig
   });
   Surface s{grid, Fuse(patches, grid), {}, {}};
   s.nodes = MakeNodes(s.fused, grid, camera.pitch_rad);
+  DropIslands(s.nodes);
   FitPlanes(s.nodes, {});
   s.planes = GrowPlanes(s.nodes, {});
   FitPlanes(s.nodes, {});
@@ -197,6 +199,34 @@ Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<
                    [](const Eigen::Vector3f& m) { return !m.isZero(); })) {
     return Fail(ErrorCode::kBadInput, take.folder.string() + ": no depth picture holds a surface");
   }
+  step("register");
+  std::optional<PanTilt> ptu = sweep->poses == Sweep::Poses::kPanTilt ? rig.ptu : std::nullopt;
+  {
+    const std::vector<RigidTransform> listed_poses = poses;
+    std::vector<ViewAngles> angles;
+    for (const LoadedView& v : views) angles.push_back({v.listed.pan_deg, v.listed.tilt_deg});
+    FillNodes(surface.nodes, std::vector<std::uint8_t>(surface.nodes.ray.size(), 1));
+    const SurfaceMesh draft = MakeSurfaceMesh(MakeDense(surface.nodes, surface.fused, grid, {}, {}), surface.nodes,
+                                              grid, {.most_triangles = 50'000, .error = 3e-3});
+    for (const int shrink : {8, 2, 1}) {
+      std::vector<ColorView> pictures;
+      for (std::size_t i = 0; i < views.size(); ++i) pictures.push_back({views[i].bgr, poses[i]});
+      auto matches = MatchViews(draft, rig.color, pictures, shrink);
+      if (!matches) return tl::unexpected(matches.error());
+      RegistrationConfig config;
+      config.match_px *= shrink;
+      const Registration r = RefinePoses(*matches, rig.color, poses, listed_poses,
+                                         sweep->poses == Sweep::Poses::kPanTilt ? rig.ptu : std::nullopt, angles, config);
+      poses = r.T_world_color;
+      ptu = r.ptu;
+      if (getenv("SCAN_DEBUG")) {
+        double worst = 0, moved = 0;
+        for (size_t i = 0; i < poses.size(); ++i) worst = std::max(worst, r.rms_px[i]), moved = std::max(moved, r.moved_deg[i]);
+        std::fprintf(stderr, "shrink %d matches %zu worst rms %.3f px moved %.3f deg\n", shrink, matches->size(), worst, moved);
+      }
+    }
+    surface = BuildSurface(views, poses, range_camera, grid);
+  }
   const std::vector<std::uint8_t> swept = SweptNodes(surface.nodes, grid, rig.color, poses);
   std::size_t wanted = 0, have = 0;
   for (std::size_t i = 0; i < swept.size(); ++i) {
@@ -245,6 +275,7 @@ Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<
   environment.rig = rig;
   environment.rig.vignetting_a = photometry.vignetting_a;
   environment.rig.vignetting_b = photometry.vignetting_b;
+  environment.rig.ptu = ptu;
   environment.panorama = panorama;
   for (std::size_t i = 0; i < views.size(); ++i)
     environment.frames.push_back({views[i].listed.name, poses[i]});

@@ -224,6 +224,36 @@ SurfaceNodes MakeNodes(const FusedDepth& fused, const PanoramaGrid& grid, float 
   return nodes;
 }
 
+void DropIslands(SurfaceNodes& nodes) {
+  constexpr std::size_t kLeast = 12;
+  std::vector<std::uint8_t> done(nodes.ray.size(), 0);
+  for (std::size_t start = 0; start < done.size(); ++start) {
+    if (done[start] || nodes.inverse_range[start] == 0) continue;
+    std::vector<std::size_t> island = {start};
+    done[start] = 1;
+    std::size_t rim = 0, unseen = 0;
+    for (std::size_t next = 0; next < island.size(); ++next) {
+      const std::size_t i = island[next];
+      for (const auto& [dx, dy] : {std::pair{1, 0}, std::pair{-1, 0}, std::pair{0, 1}, std::pair{0, -1}}) {
+        const int at = nodes.At(static_cast<int>(i) % nodes.width + dx, static_cast<int>(i) / nodes.width + dy);
+        if (at < 0) continue;
+        const auto j = static_cast<std::size_t>(at);
+        const bool seen = nodes.inverse_range[j] > 0;
+        if (seen && std::abs(nodes.inverse_range[j] - nodes.inverse_range[i]) <
+                        3 * std::hypot(nodes.sigma[i], nodes.sigma[j])) {
+          if (!done[j]) island.push_back(j);
+          done[j] = 1;
+        } else {
+          ++rim;
+          unseen += !seen;
+        }
+      }
+    }
+    if (island.size() >= kLeast || 2 * unseen < rim) continue;
+    for (const std::size_t i : island) nodes.inverse_range[i] = 0;
+  }
+}
+
 void FitPlanes(SurfaceNodes& nodes, const std::vector<Eigen::Vector3f>& color) { Fitter(nodes, color).Run(); }
 
 }  // namespace mixstage

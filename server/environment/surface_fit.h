@@ -37,6 +37,9 @@ struct SurfaceNodes {
 // pitch_rad: of the depth camera.
 SurfaceNodes MakeNodes(const FusedDepth& fused, const PanoramaGrid& grid, float pitch_rad);
 
+// Forgets small islands amid nodes that saw nothing: what noise happens to agree on, in a window or on a black thing.
+void DropIslands(SurfaceNodes& nodes);
+
 // Fits a plane to every seen node from those around it that lie on it within their noise. Planes spread to
 // neighbours that fit them better than their own, so that near and far side of a step each keep to
 // themselves; a thin thing keeps its own depth, a lone node that nothing supports takes its neighbours'.
