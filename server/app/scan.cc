@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/app/scan.h"
 
+#include <cmath>
 #include <cstdio>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -27,11 +28,19 @@ Json ReportOf(const ScanResult& scan) {
   Json steps = Json::object();
   double total_ms = 0;
   for (const ScanStep& s : scan.report.steps) {
-    steps[s.name] = s.wall_ms;
+    steps[s.name] = {{"wall_ms", std::round(s.wall_ms)}, {"cpu_ms", std::round(s.cpu_ms)}};
     total_ms += s.wall_ms;
   }
+  Json views = Json::array();
+  for (const ViewFit& v : scan.report.views) {
+    views.push_back({{"view", v.view},
+                     {"exposure", v.exposure},
+                     {"matches", v.matches},
+                     {"rms_px", v.rms_px},
+                     {"moved_deg", v.moved_deg}});
+  }
   return {{"version", 1},
-          {"views", e.frames.size()},
+          {"views", std::move(views)},
           {"left_out", Notes(scan.report.left_out)},
           {"notes", Notes(scan.report.notes)},
           {"coverage", e.coverage},
@@ -44,7 +53,7 @@ Json ReportOf(const ScanResult& scan) {
           {"registration_px", e.registration_px},
           {"photometric_rms_levels", scan.report.photometric_rms_levels},
           {"vignetting", {e.rig.vignetting_a, e.rig.vignetting_b}},
-          {"steps_ms", steps},
+          {"steps", steps},
           {"total_ms", total_ms},
           {"warnings", scan.report.warnings}};
 }

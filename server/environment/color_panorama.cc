@@ -304,6 +304,9 @@ Photometry SolvePhotometry(const std::vector<ColorView>& views, const std::vecto
     result.rms_levels = 1.4826 * *middle / 0.018;
   }
   x.head(n).array() -= x.head(n).mean();
+  // Shine and dust make a per cent or two; a camera whose exposure stands still has none to solve for.
+  constexpr double kStandsStill = 0.03;
+  if (std::sqrt(x.head(n).squaredNorm() / static_cast<double>(n)) < kStandsStill) x.head(n).setZero();
   for (Eigen::Index i = 0; i < n; ++i) result.exposure[static_cast<std::size_t>(i)] = std::exp(x[i]);
   // A gain that is not one is none.
   if (1 + x[n] + x[n + 1] > 0.2 && std::abs(x[n]) < 1 && std::abs(x[n + 1]) < 1) {

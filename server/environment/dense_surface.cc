@@ -32,8 +32,8 @@ Eigen::Vector3f PlaneThrough(const SurfaceNodes& nodes, const std::vector<int>& 
   return A.ldlt().solve(b).cast<float>();
 }
 
-// A hole whose rim lies on one plane is a part of it: a pane in its frame, a black thing on a wall. Holes that reach
-// the picture's end, or whose rim is several surfaces, stay open.
+// A hole whose rim lies on one plane is a part of it: a pane in its frame, a black thing on a wall. Holes
+// that reach the picture's end, or whose rim is several surfaces, stay open.
 int FillHoles(SurfaceNodes& nodes, std::vector<std::uint8_t>& open) {
   constexpr float kOneSurface = 0.02f;  // of the range
   constexpr std::size_t kLeastRim = 8;
@@ -62,7 +62,8 @@ int FillHoles(SurfaceNodes& nodes, std::vector<std::uint8_t>& open) {
     std::sort(rim.begin(), rim.end());
     rim.erase(std::unique(rim.begin(), rim.end()), rim.end());
     if (!closed || rim.size() < kLeastRim) continue;
-    // Planes through three places of the rim, evenly and reproducibly chosen; then all of the rim that lies on the best.
+    // Planes through three places of the rim, evenly and reproducibly chosen; then all of the rim that lies
+    // on the best.
     std::vector<int> best;
     const std::size_t n = rim.size();
     for (std::size_t k = 0; k < 64; ++k) {

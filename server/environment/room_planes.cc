@@ -6,12 +6,14 @@
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <opencv2/imgproc.hpp>
 
 namespace mixstage {
 namespace {
 
 constexpr float kOnPlane = 3.0f;         // sigmas of a node that still lies on a plane
 constexpr float kCosSameNormal = 0.95f;  // 18 degrees: what noise does to the normal of one node's fit
+constexpr double kFlat = 1.5;            // rms in sigmas of what is still flat
 constexpr double kSameMean = 3.0;        // sigmas of a mean residual that is still zero
 
 class Sums {
@@ -137,6 +139,26 @@ class Grower {
     return std::abs(sum / weight) < kSameMean / std::sqrt(weight) + 5e-4;
   }
 
+  // What lies flat on a plane (a picture's frame, a carpet) is within its noise and would pull it: nodes
+  // count by how well their fits, four times less noisy than their depths, lie on it.
+  [[nodiscard]] Eigen::Vector3d RobustPlane(const std::vector<int>& members, Eigen::Vector3d m) const {
+    constexpr double kFitSigma = 0.25;
+    for (int pass = 0; pass < 5; ++pass) {
+      Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+      Eigen::Vector3d b = Eigen::Vector3d::Zero();
+      for (const int i : members) {
+        const auto at = static_cast<std::size_t>(i);
+        const Eigen::Vector3d ray = n_.ray[at].cast<double>();
+        const double off = (n_.plane[at].cast<double>() - m).dot(ray) / (kFitSigma * n_.sigma[at]);
+        const double weight = 1.0 / (1 + off * off) / (static_cast<double>(n_.sigma[at]) * n_.sigma[at]);
+        A += weight * ray * ray.transpose();
+        b += weight * n_.inverse_range[at] * ray;
+      }
+      m = A.ldlt().solve(b);
+    }
+    return m;
+  }
+
   // Parts of one wall to both sides of what stands before it.
   void Merge() {
     std::vector<std::size_t> order(sums_.size());
@@ -172,7 +194,7 @@ class Grower {
     for (std::size_t a = 0; a < sums_.size(); ++a) {
       if (into_[a] >= 0) continue;
       GrownPlane plane;
-      plane.m = sums_[a].Plane();
+      plane.m = RobustPlane(members_[a], sums_[a].Plane());
       const double node_rad2 = NodeSolidAngle();
       double sum2 = 0;
       for (const int i : members_[a]) {
@@ -188,6 +210,7 @@ class Grower {
       plane.nodes = static_cast<int>(members_[a].size());
       plane.rms_sigma = std::sqrt(sum2 / plane.nodes);
       if (plane.area_m2 < config.least_area_m2 || plane.nodes < config.least_nodes) continue;
+      if (plane.rms_sigma > kFlat) continue;  // bent
       for (const int i : members_[a]) core[static_cast<std::size_t>(i)] = static_cast<int>(planes.size());
       planes.push_back(plane);
     }
@@ -283,6 +306,72 @@ class Grower {
 std::vector<GrownPlane> GrowPlanes(SurfaceNodes& nodes, const PlaneConfig& config) {
   if (nodes.width < 12 || nodes.height < 12) return {};
   return Grower(nodes).Run(config);
+}
+
+int FindFloor(const std::vector<GrownPlane>& planes) {
+  constexpr double kLevel = 0.966;       // 15 degrees
+  constexpr double kLargeEnough = 0.25;  // of the largest level plane below the cameras
+  int floor = -1;
+  double largest = 0;
+  for (const GrownPlane& p : planes)
+    if (-p.m.normalized().z() > kLevel) largest = std::max(largest, p.area_m2);
+  for (std::size_t k = 0; k < planes.size(); ++k) {
+    const GrownPlane& p = planes[k];
+    if (-p.m.normalized().z() < kLevel || p.area_m2 < kLargeEnough * largest) continue;
+    // 1 / |m| is how far below the cameras it lies.
+    if (floor < 0 || p.m.norm() < planes[static_cast<std::size_t>(floor)].m.norm())
+      floor = static_cast<int>(k);
+  }
+  return floor;
+}
+
+std::vector<RoomPlane> DescribePlanes(const std::vector<GrownPlane>& planes, const SurfaceNodes& nodes,
+                                      const Eigen::Vector3d& center) {
+  const int floor = FindFloor(planes);
+  std::vector<std::vector<Eigen::Vector3d>> points(planes.size());
+  for (std::size_t i = 0; i < nodes.ray.size(); ++i) {
+    if (nodes.room_plane[i] < 0 || nodes.inverse_range[i] == 0) continue;
+    const auto k = static_cast<std::size_t>(nodes.room_plane[i]);
+    const Eigen::Vector3d ray = nodes.ray[i].cast<double>();
+    const double inverse_range = planes[k].m.dot(ray);
+    if (inverse_range > 0) points[k].push_back(center + ray / inverse_range);
+  }
+  std::array<int, 6> count{};
+  std::vector<RoomPlane> out;
+  for (std::size_t k = 0; k < planes.size() && out.size() < 256; ++k) {
+    RoomPlane plane;
+    plane.normal = -planes[k].m.normalized();
+    plane.d = 1 / planes[k].m.norm() - plane.normal.dot(center);
+    const double up = plane.normal.z(), height = center.z() - 1 / planes[k].m.norm();
+    if (static_cast<int>(k) == floor) {
+      plane.kind = PlaneKind::kFloor;
+    } else if (up < -0.966 && planes[k].area_m2 > 1) {
+      plane.kind = PlaneKind::kCeiling;
+    } else if (std::abs(up) < 0.17 && planes[k].area_m2 > 1) {
+      plane.kind = PlaneKind::kWall;
+    } else if (up > 0.966 && height > 0.3 && height < 1.3) {
+      plane.kind = PlaneKind::kTable;
+    } else {
+      plane.kind = PlaneKind::kOther;
+    }
+    const int number = ++count[static_cast<std::size_t>(plane.kind)];
+    plane.name = PlaneKindName(plane.kind);
+    if (number > 1) plane.name.append("_").append(std::to_string(number));
+    const Eigen::Vector3d u = plane.normal.unitOrthogonal(), v = plane.normal.cross(u);
+    std::vector<cv::Point2f> flat, hull;
+    for (const Eigen::Vector3d& p : points[k])
+      flat.emplace_back(static_cast<float>(u.dot(p - center)), static_cast<float>(v.dot(p - center)));
+    if (flat.size() >= 3) {
+      cv::convexHull(flat, hull);
+      cv::approxPolyDP(hull, hull, 0.01, true);
+      if (hull.size() >= 3 && cv::contourArea(hull, true) < 0) std::reverse(hull.begin(), hull.end());
+      const Eigen::Vector3d foot = center - (plane.normal.dot(center) + plane.d) * plane.normal;
+      for (const cv::Point2f& p : hull) plane.polygon.push_back(foot + p.x * u + p.y * v);
+      if (plane.polygon.size() > 1024) plane.polygon.clear();
+    }
+    out.push_back(std::move(plane));
+  }
+  return out;
 }
 
 }  // namespace mixstage

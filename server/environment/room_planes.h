@@ -8,6 +8,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "server/environment/environment.h"
 #include "server/environment/surface_fit.h"
 
 namespace mixstage {
@@ -28,5 +29,12 @@ struct GrownPlane {
 
 // Needs nodes.plane (FitPlanes). Sets nodes.room_plane and, where it is set, nodes.plane. Largest area first.
 std::vector<GrownPlane> GrowPlanes(SurfaceNodes& nodes, const PlaneConfig& config);
+
+// The floor: of the large planes that are level within 15 degrees and below the centre the lowest; -1 = none.
+[[nodiscard]] int FindFloor(const std::vector<GrownPlane>& planes);
+
+// Names, kinds and outlines (convex, of the nodes on it) in the world.
+std::vector<RoomPlane> DescribePlanes(const std::vector<GrownPlane>& planes, const SurfaceNodes& nodes,
+                                      const Eigen::Vector3d& center);
 
 }  // namespace mixstage

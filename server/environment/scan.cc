@@ -10,6 +10,7 @@
 #include "server/environment/color_panorama.h"
 #include "server/environment/dense_surface.h"
 #include "server/environment/depth_fusion.h"
+#include "server/environment/lamps.h"
 #include "server/environment/range_view.h"
 #include "server/environment/registration.h"
 #include "server/environment/room_planes.h"
@@ -61,8 +62,43 @@ struct Surface {
   std::vector<GrownPlane> planes;
 };
 
+struct Layout {
+  Layout(const PinholeCamera& color, const std::vector<RigidTransform>& poses, const RangeCamera& camera)
+      : node_step(NodeStep(PanoramaGrid(Coarser(LayOutPanorama(color, poses, kDepthShrink), kDepthShrink)),
+                           camera.pitch_rad)),
+        // The sides are whole surface pixels and whole nodes.
+        panorama(LayOutPanorama(color, poses, kDepthShrink * node_step)),
+        grid(Coarser(panorama, kDepthShrink)) {}
+  int node_step;
+  Panorama panorama;
+  PanoramaGrid grid;  // of the surface
+};
+
+// Turns listed poses whose world is not upright (that of a first camera, say) until their pictures are, in
+// the mean.
+void Upright(std::vector<RigidTransform>& poses) {
+  Eigen::Vector3d up = Eigen::Vector3d::Zero();
+  for (const RigidTransform& T : poses) up -= T.linear().col(1);
+  constexpr double kUpright = 0.7;  // cosine: nobody scans a room with the camera lying on its side
+  if (up.norm() < 1e-6 || up.normalized().z() > kUpright) return;
+  const Eigen::Quaterniond turn = Eigen::Quaterniond::FromTwoVectors(up, Eigen::Vector3d::UnitZ());
+  for (RigidTransform& T : poses) T = turn * T;
+}
+
+// The motion that makes the plane z = 0 and leaves x, y and heading of the pivot.
+RigidTransform LevelOn(const GrownPlane& plane, const Eigen::Vector3d& center, const Eigen::Vector3d& pivot) {
+  const Eigen::Vector3d up = -plane.m.normalized();
+  RigidTransform T = RigidTransform::Identity();
+  T.linear() = Eigen::Quaterniond::FromTwoVectors(up, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  T.translation() = pivot - T.linear() * pivot;
+  const Eigen::Vector3d on_plane = center - up / plane.m.norm();
+  T.translation().z() -= (T * on_plane).z();
+  return T;
+}
+
 Surface BuildSurface(const std::vector<LoadedView>& views, const std::vector<RigidTransform>& poses,
-                     const RangeCamera& camera, const PanoramaGrid& grid) {
+                     const RangeCamera& camera, const Layout& layout) {
+  const PanoramaGrid& grid = layout.grid;
   std::vector<PanoramaPatch> patches(views.size());
   cv::parallel_for_({0, static_cast<int>(views.size())}, [&](const cv::Range& range) {
     for (int k = range.start; k < range.end; ++k) {
@@ -70,13 +106,30 @@ Surface BuildSurface(const std::vector<LoadedView>& views, const std::vector<Rig
       patches[i] = SeeFromCenter(views[i].range, camera, poses[i] * camera.T_color_depth, grid);
     }
   });
+
   Surface s{grid, Fuse(patches, grid), {}, {}};
-  s.nodes = MakeNodes(s.fused, grid, camera.pitch_rad);
+  s.nodes = MakeNodes(s.fused, grid, layout.node_step);
   DropIslands(s.nodes);
   FitPlanes(s.nodes, {});
   s.planes = GrowPlanes(s.nodes, {});
   FitPlanes(s.nodes, {});
   return s;
+}
+
+// The surface by its nodes alone: good enough to carry patches from view to view.
+SurfaceMesh DraftMesh(const SurfaceNodes& nodes, const Panorama& panorama) {
+  const PanoramaGrid grid(Coarser(panorama, kDepthShrink * nodes.step));
+  DenseSurface dense{cv::Mat1f(grid.height(), grid.width(), 0.f), cv::Mat1i(grid.height(), grid.width(), -1)};
+  for (int y = 0; y < grid.height(); ++y) {
+    for (int x = 0; x < grid.width(); ++x) {
+      const int i = nodes.At(x, y);
+      const float value = nodes.plane[static_cast<std::size_t>(i)].dot(grid.Ray(x, y));
+      if (value <= 0) continue;
+      dense.inverse_range(y, x) = value;
+      dense.node(y, x) = i;
+    }
+  }
+  return MakeSurfaceMesh(dense, nodes, grid, {.error = 0});
 }
 
 // Directions that a colour picture saw, by node, at the range of the sweep's middle.
@@ -111,6 +164,23 @@ std::vector<std::uint8_t> SweptNodes(const SurfaceNodes& nodes, const PanoramaGr
   return swept;
 }
 
+// Typical error of a surface along its ray: a node's own noise, less by the root of those it was fitted with.
+double TypicalSigma(const SurfaceNodes& nodes, const std::vector<GrownPlane>& planes) {
+  constexpr double kFittedWith = 20;
+  std::vector<double> sigmas;
+  for (std::size_t i = 0; i < nodes.ray.size(); ++i) {
+    if (nodes.inverse_range[i] == 0) continue;
+    const double with =
+        nodes.room_plane[i] < 0 ? kFittedWith : planes[static_cast<std::size_t>(nodes.room_plane[i])].nodes;
+    const double inverse_range = nodes.inverse_range[i];
+    sigmas.push_back(nodes.sigma[i] / (inverse_range * inverse_range) / std::sqrt(with));
+  }
+  if (sigmas.empty()) return 0;
+  const auto middle = sigmas.begin() + static_cast<std::ptrdiff_t>(sigmas.size() / 2);
+  std::nth_element(sigmas.begin(), middle, sigmas.end());
+  return *middle;
+}
+
 // The surface at every pixel of the panorama itself: each small pixel on the plane of the large one around
 // it.
 cv::Mat1f InverseRangeOf(const DenseSurface& dense, const SurfaceNodes& nodes, const PanoramaGrid& grid,
@@ -138,13 +208,18 @@ Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<
                             const std::function<void(const std::string&)>& progress) {
   ScanResult result;
   ScanReport& report = result.report;
-  double began_ms = 0;
+  double began_ms = 0, began_cpu_ms = 0;
   auto step = [&](const std::string& name) {
     const double now_ms = static_cast<double>(MonotonicMicros()) / 1000;
-    if (!report.steps.empty()) report.steps.back().wall_ms = now_ms - began_ms;
+    const double cpu_ms = static_cast<double>(ProcessCpuMicros()) / 1000;
+    if (!report.steps.empty()) {
+      report.steps.back().wall_ms = now_ms - began_ms;
+      report.steps.back().cpu_ms = cpu_ms - began_cpu_ms;
+    }
     began_ms = now_ms;
+    began_cpu_ms = cpu_ms;
     if (name.empty()) return;
-    report.steps.push_back({name, 0});
+    report.steps.push_back({name, 0, 0});
     if (progress) progress(name);
   };
 
@@ -192,22 +267,22 @@ Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<
   step("surface");
   std::vector<RigidTransform> poses;
   for (const LoadedView& v : views) poses.push_back(v.listed.T_world_color);
-  const Panorama panorama = LayOutPanorama(rig.color, poses, kDepthShrink);
-  const PanoramaGrid grid(Coarser(panorama, kDepthShrink)), full(panorama);
-  Surface surface = BuildSurface(views, poses, range_camera, grid);
+  const bool pan_tilt = sweep->poses == Sweep::Poses::kPanTilt;
+  if (!pan_tilt) Upright(poses);
+  const Layout draft_layout(rig.color, poses, range_camera);
+  Surface surface = BuildSurface(views, poses, range_camera, draft_layout);
   if (std::none_of(surface.nodes.plane.begin(), surface.nodes.plane.end(),
                    [](const Eigen::Vector3f& m) { return !m.isZero(); })) {
     return Fail(ErrorCode::kBadInput, take.folder.string() + ": no depth picture holds a surface");
   }
   step("register");
-  std::optional<PanTilt> ptu = sweep->poses == Sweep::Poses::kPanTilt ? rig.ptu : std::nullopt;
+  Registration registration;
+  std::optional<PanTilt> ptu = pan_tilt ? rig.ptu : std::nullopt;
   {
-    const std::vector<RigidTransform> listed_poses = poses;
+    const std::vector<RigidTransform> listed_poses = poses;  // before anything moved
     std::vector<ViewAngles> angles;
     for (const LoadedView& v : views) angles.push_back({v.listed.pan_deg, v.listed.tilt_deg});
-    FillNodes(surface.nodes, std::vector<std::uint8_t>(surface.nodes.ray.size(), 1));
-    const SurfaceMesh draft = MakeSurfaceMesh(MakeDense(surface.nodes, surface.fused, grid, {}, {}), surface.nodes,
-                                              grid, {.most_triangles = 50'000, .error = 3e-3});
+    const SurfaceMesh draft = DraftMesh(surface.nodes, draft_layout.panorama);
     for (const int shrink : {8, 2, 1}) {
       std::vector<ColorView> pictures;
       for (std::size_t i = 0; i < views.size(); ++i) pictures.push_back({views[i].bgr, poses[i]});
@@ -216,17 +291,30 @@ Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<
       RegistrationConfig config;
       config.match_px *= shrink;
       const Registration r = RefinePoses(*matches, rig.color, poses, listed_poses,
-                                         sweep->poses == Sweep::Poses::kPanTilt ? rig.ptu : std::nullopt, angles, config);
+                                         pan_tilt ? rig.ptu : std::nullopt, angles, config);
       poses = r.T_world_color;
       ptu = r.ptu;
-      if (getenv("SCAN_DEBUG")) {
-        double worst = 0, moved = 0;
-        for (size_t i = 0; i < poses.size(); ++i) worst = std::max(worst, r.rms_px[i]), moved = std::max(moved, r.moved_deg[i]);
-        std::fprintf(stderr, "shrink %d matches %zu worst rms %.3f px moved %.3f deg\n", shrink, matches->size(), worst, moved);
-      }
+      if (shrink == 1) registration = r;
     }
-    surface = BuildSurface(views, poses, range_camera, grid);
+    surface = BuildSurface(views, poses, range_camera, draft_layout);
+    // The floor is the world's z = 0, whatever the unit's base or a trajectory's origin say.
+    const int floor = FindFloor(surface.planes);
+    if (floor >= 0) {
+      const Eigen::Vector3d pivot = ptu ? Eigen::Vector3d(ptu->T_world_base.translation())
+                                        : Eigen::Vector3d(draft_layout.panorama.center);
+      const RigidTransform T_new_old =
+          LevelOn(surface.planes[static_cast<std::size_t>(floor)], draft_layout.panorama.center, pivot);
+      for (RigidTransform& T : poses) T = T_new_old * T;
+      if (ptu) ptu->T_world_base = T_new_old * ptu->T_world_base;
+    } else {
+      report.warnings.emplace_back("no floor was seen: height, roll and pitch of the world are as they were");
+    }
   }
+  step("surface_again");
+  const Layout layout(rig.color, poses, range_camera);
+  const Panorama& panorama = layout.panorama;
+  const PanoramaGrid &grid = layout.grid, full(panorama);
+  surface = BuildSurface(views, poses, range_camera, layout);
   const std::vector<std::uint8_t> swept = SweptNodes(surface.nodes, grid, rig.color, poses);
   std::size_t wanted = 0, have = 0;
   for (std::size_t i = 0; i < swept.size(); ++i) {
@@ -245,9 +333,9 @@ Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<
   if (!occlusions) return tl::unexpected(occlusions.error());
   const Photometry photometry = SolvePhotometry(color_views, *occlusions, rig, grid, dense.inverse_range);
   report.photometric_rms_levels = photometry.rms_levels;
-  report.exposure = photometry.exposure;
 
   step("blend");
+
   const cv::Mat1f inverse_range = InverseRangeOf(dense, surface.nodes, grid, full);
   result.pictures.color_bgra =
       BlendColor(color_views, *occlusions, rig.color, photometry, full, inverse_range);
@@ -265,6 +353,11 @@ Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<
     }
   }
 
+  step("lamps");
+  cv::Mat4b small_color;
+  cv::resize(result.pictures.color_bgra, small_color, {grid.width(), grid.height()}, 0, 0, cv::INTER_AREA);
+  result.environment.lamps = FindLamps(small_color, dense, surface.nodes, surface.planes, grid, {});
+
   step("mesh");
   result.room.positions = mesh.positions;
   result.room.uvs = mesh.uvs;
@@ -276,6 +369,18 @@ Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<
   environment.rig.vignetting_a = photometry.vignetting_a;
   environment.rig.vignetting_b = photometry.vignetting_b;
   environment.rig.ptu = ptu;
+  environment.planes = DescribePlanes(surface.planes, surface.nodes, panorama.center);
+  std::vector<double> misses;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    if (registration.matches[i] > 0) misses.push_back(registration.rms_px[i]);
+    report.views.push_back({views[i].listed.name, photometry.exposure[i], registration.matches[i],
+                            registration.rms_px[i], registration.moved_deg[i]});
+  }
+  if (!misses.empty()) {
+    std::sort(misses.begin(), misses.end());
+    environment.registration_px = misses[misses.size() / 2];
+  }
+  environment.depth_sigma_m = TypicalSigma(surface.nodes, surface.planes);
   environment.panorama = panorama;
   for (std::size_t i = 0; i < views.size(); ++i)
     environment.frames.push_back({views[i].listed.name, poses[i]});

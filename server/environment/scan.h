@@ -19,18 +19,27 @@ namespace mixstage {
 
 struct ScanStep {
   std::string name;
-  double wall_ms = 0;
+  double wall_ms = 0, cpu_ms = 0;
+};
+
+// How a view that is used fits the others.
+struct ViewFit {
+  std::string view;
+  double exposure = 1;   // against the sweep's mean
+  int matches = 0;       // points found in other views as well
+  double rms_px = 0;     // of them, after the refinement
+  double moved_deg = 0;  // turn against the pan-tilt unit's own angles or the listed pose
 };
 
 struct ScanReport {
+  std::vector<ViewFit> views;
   std::vector<ViewNote> left_out;  // views that are not used
   std::vector<ViewNote> notes;     // views that are, with a doubt
   std::vector<std::string> warnings;
   std::vector<ScanStep> steps;
   double measured = 0;  // share of the swept directions where range was measured; the rest is filled in
   double photometric_rms_levels = 0;  // between views at one point
-  double seam_levels = 0;
-  std::vector<double> exposure;  // of each frame of the environment
+  std::vector<double> exposure;       // of each frame of the environment
 };
 
 struct ScanResult {

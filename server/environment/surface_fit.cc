@@ -40,6 +40,10 @@ class Fitter {
 
   void Run() {
     const std::size_t count = n_.ray.size();
+    row_.resize(count, Eigen::Vector4f::Zero());
+    for (std::size_t i = 0; i < count; ++i) {
+      if (n_.inverse_range[i] > 0) row_[i] << n_.ray[i] / n_.sigma[i], n_.inverse_range[i] / n_.sigma[i];
+    }
     supported_.assign(count, 0);
     plane_.assign(count, Eigen::Vector3f::Zero());
     Rows([&](int x, int y) { Start(x, y); });
@@ -83,8 +87,8 @@ class Fitter {
   }
 
   float Residual2(const Eigen::Vector3f& m, int at) const {
-    const auto j = static_cast<std::size_t>(at);
-    const float e = (m.dot(n_.ray[j]) - n_.inverse_range[j]) / n_.sigma[j];
+    const Eigen::Vector4f& row = row_[static_cast<std::size_t>(at)];
+    const float e = m.dot(row.head<3>()) - row[3];
     return e * e;
   }
 
@@ -104,9 +108,9 @@ class Fitter {
     for (const Neighbor& j : around) {
       if (!all && Residual2(m, j.index) > kCut2) continue;
       const auto k = static_cast<std::size_t>(j.index);
-      const float weight = j.weight / (n_.sigma[k] * n_.sigma[k]);
-      A += weight * n_.ray[k] * n_.ray[k].transpose();
-      b += weight * n_.inverse_range[k] * n_.ray[k];
+      const Eigen::Vector4f& row = row_[k];
+      A += j.weight * row.head<3>() * row.head<3>().transpose();
+      b += j.weight * row[3] * row.head<3>();
     }
     const Eigen::Vector3f& ray = n_.ray[own];
     const float level = A.trace() > 0 ? ray.dot(b) / std::max(ray.dot(A * ray), 1e-12f) : 0;
@@ -176,6 +180,7 @@ class Fitter {
 
   SurfaceNodes& n_;
   const std::vector<Eigen::Vector3f>& color_;
+  std::vector<Eigen::Vector4f> row_;  // m . ray = inverse range, over sigma
   std::array<float, 81> spatial_{};
   std::vector<std::uint8_t> supported_;
   std::vector<Eigen::Vector3f> plane_;
@@ -183,12 +188,17 @@ class Fitter {
 
 }  // namespace
 
-SurfaceNodes MakeNodes(const FusedDepth& fused, const PanoramaGrid& grid, float pitch_rad) {
+int NodeStep(const PanoramaGrid& grid, float pitch_rad) {
+  return std::max(1, static_cast<int>(std::lround(pitch_rad / grid.step_rad())));
+}
+
+SurfaceNodes MakeNodes(const FusedDepth& fused, const PanoramaGrid& grid, int step) {
+  MIX_CHECK(step >= 1 && grid.width() % step == 0 && grid.height() % step == 0);
   SurfaceNodes nodes;
-  nodes.step = std::max(1, static_cast<int>(std::lround(pitch_rad / grid.step_rad())));
-  nodes.width = (grid.width() + nodes.step - 1) / nodes.step;
-  nodes.height = (grid.height() + nodes.step - 1) / nodes.step;
-  nodes.closed = grid.closed() && grid.width() % nodes.step == 0;
+  nodes.step = step;
+  nodes.width = grid.width() / step;
+  nodes.height = grid.height() / step;
+  nodes.closed = grid.closed();
   const std::size_t count = static_cast<std::size_t>(nodes.width) * static_cast<std::size_t>(nodes.height);
   nodes.ray.resize(count);
   nodes.inverse_range.assign(count, 0);
@@ -198,16 +208,15 @@ SurfaceNodes MakeNodes(const FusedDepth& fused, const PanoramaGrid& grid, float 
   for (int y = 0; y < nodes.height; ++y) {
     for (int x = 0; x < nodes.width; ++x) {
       const auto i = static_cast<std::size_t>(y * nodes.width + x);
-      const int cx = std::min(x * nodes.step + nodes.step / 2, grid.width() - 1);
-      const int cy = std::min(y * nodes.step + nodes.step / 2, grid.height() - 1);
+      const int cx = x * nodes.step + nodes.step / 2, cy = y * nodes.step + nodes.step / 2;
       nodes.ray[i] = grid.Ray(cx, cy);
       float center = fused.inverse_range(cy, cx), center_sigma = fused.sigma(cy, cx);
       if (center == 0) continue;
       Eigen::Vector3f ray = Eigen::Vector3f::Zero();
       float sum = 0;
       int have = 0;
-      for (int v = y * nodes.step; v < std::min((y + 1) * nodes.step, grid.height()); ++v) {
-        for (int u = x * nodes.step; u < std::min((x + 1) * nodes.step, grid.width()); ++u) {
+      for (int v = y * nodes.step; v < (y + 1) * nodes.step; ++v) {
+        for (int u = x * nodes.step; u < (x + 1) * nodes.step; ++u) {
           const float value = fused.inverse_range(v, u);
           if (value == 0 || std::abs(value - center) > 3 * std::hypot(center_sigma, fused.sigma(v, u)))
             continue;
@@ -235,7 +244,8 @@ void DropIslands(SurfaceNodes& nodes) {
     for (std::size_t next = 0; next < island.size(); ++next) {
       const std::size_t i = island[next];
       for (const auto& [dx, dy] : {std::pair{1, 0}, std::pair{-1, 0}, std::pair{0, 1}, std::pair{0, -1}}) {
-        const int at = nodes.At(static_cast<int>(i) % nodes.width + dx, static_cast<int>(i) / nodes.width + dy);
+        const int at =
+            nodes.At(static_cast<int>(i) % nodes.width + dx, static_cast<int>(i) / nodes.width + dy);
         if (at < 0) continue;
         const auto j = static_cast<std::size_t>(at);
         const bool seen = nodes.inverse_range[j] > 0;

@@ -34,10 +34,14 @@ struct SurfaceNodes {
   }
 };
 
-// pitch_rad: of the depth camera.
-SurfaceNodes MakeNodes(const FusedDepth& fused, const PanoramaGrid& grid, float pitch_rad);
+// Pixels of a grid that make a node for a depth camera whose pixels are pitch_rad apart.
+[[nodiscard]] int NodeStep(const PanoramaGrid& grid, float pitch_rad);
 
-// Forgets small islands amid nodes that saw nothing: what noise happens to agree on, in a window or on a black thing.
+// The grid's sides are multiples of step (checked).
+SurfaceNodes MakeNodes(const FusedDepth& fused, const PanoramaGrid& grid, int step);
+
+// Forgets small islands amid nodes that saw nothing: what noise happens to agree on, in a window or on a
+// black thing.
 void DropIslands(SurfaceNodes& nodes);
 
 // Fits a plane to every seen node from those around it that lie on it within their noise. Planes spread to

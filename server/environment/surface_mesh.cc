@@ -152,27 +152,70 @@ class Mesher {
     Triangle(v[1], v[2], v[3]);
   }
 
+  // First tile by tile with their borders held (small, and side by side on the cores), then the rest as a
+  // whole.
+  void Simplify() {
+    const float kRangeWeight = getenv("KW") ? (float)atof(getenv("KW")) : 10.f;
+    const auto step = static_cast<float>(grid_.step_rad());
+    std::vector<Eigen::Vector3f> place(vertices_.size());
+    for (std::size_t i = 0; i < place.size(); ++i) {
+      const Vertex& v = vertices_[i];
+      place[i] = {v.u * step, v.v * step, -kRangeWeight * std::log(v.inverse_range)};
+    }
+    constexpr int kTile = 96;
+    const int across = grid_.width() / kTile + 1, down = grid_.height() / kTile + 1;
+    std::vector<std::vector<std::uint32_t>> tiles(static_cast<std::size_t>(across * down));
+    for (std::size_t i = 0; i + 2 < indices_.size(); i += 3) {
+      float u = vertices_[indices_[i]].u, v = vertices_[indices_[i]].v;
+      for (std::size_t k = 1; k < 3; ++k) {
+        u = std::min(u, vertices_[indices_[i + k]].u);
+        v = std::min(v, vertices_[indices_[i + k]].v);
+      }
+      auto& tile =
+          tiles[static_cast<std::size_t>(static_cast<int>(v) / kTile * across + static_cast<int>(u) / kTile)];
+      tile.insert(tile.end(), indices_.begin() + static_cast<std::ptrdiff_t>(i),
+                  indices_.begin() + static_cast<std::ptrdiff_t>(i + 3));
+    }
+    cv::parallel_for_({0, across * down}, [&](const cv::Range& range) {
+      for (int t = range.start; t < range.end; ++t) {
+        auto& tile = tiles[static_cast<std::size_t>(t)];
+        SimplifyPart(place, tile, 0, meshopt_SimplifyLockBorder);
+      }
+    });
+    indices_.clear();
+    for (const auto& tile : tiles) indices_.insert(indices_.end(), tile.begin(), tile.end());
+    SimplifyPart(place, indices_, 0, 0);
+    if (indices_.size() > 3 * config_.most_triangles)
+      SimplifyPart(place, indices_, config_.most_triangles, 0);
+  }
+
+  // Down to `triangles` at any error, or, where that is 0, as far as config_.error allows.
+  void SimplifyPart(const std::vector<Eigen::Vector3f>& place, std::vector<std::uint32_t>& part,
+                    std::size_t triangles, unsigned options) const {
+    if (part.empty()) return;
+    std::vector<std::uint32_t> used = part;
+    std::sort(used.begin(), used.end());
+    used.erase(std::unique(used.begin(), used.end()), used.end());
+    std::vector<Eigen::Vector3f> local;
+    local.reserve(used.size());
+    for (const std::uint32_t i : used) local.push_back(place[i]);
+    std::vector<std::uint32_t> from(part.size()), to(part.size());
+    for (std::size_t k = 0; k < part.size(); ++k)
+      from[k] =
+          static_cast<std::uint32_t>(std::lower_bound(used.begin(), used.end(), part[k]) - used.begin());
+    const float scale = meshopt_simplifyScale(local[0].data(), local.size(), sizeof(Eigen::Vector3f));
+    const float error = triangles > 0 ? 1.f : (getenv("KE")?(float)atof(getenv("KE")):static_cast<float>(config_.error)) / std::max(scale, 1e-9f);
+    const std::size_t count =
+        meshopt_simplify(to.data(), from.data(), from.size(), local[0].data(), local.size(),
+                         sizeof(Eigen::Vector3f), 3 * triangles, error, options, nullptr);
+    part.resize(count);
+    for (std::size_t k = 0; k < count; ++k) part[k] = used[to[k]];
+  }
+
   SurfaceMesh Reduce() {
     SurfaceMesh mesh;
     if (indices_.empty()) return mesh;
-    std::vector<Eigen::Vector3f> reduced(vertices_.size());
-    const auto step = static_cast<float>(grid_.step_rad());
-    for (std::size_t i = 0; i < reduced.size(); ++i) {
-      const Vertex& v = vertices_[i];
-      reduced[i] = {v.u * step, v.v * step, -std::log(v.inverse_range)};
-    }
-    const float scale = meshopt_simplifyScale(reduced[0].data(), reduced.size(), sizeof(Eigen::Vector3f));
-    std::vector<std::uint32_t> kept(indices_.size());
-    auto simplify = [&](std::size_t triangles, float error) {
-      float reached = 0;
-      const std::size_t count =
-          meshopt_simplify(kept.data(), indices_.data(), indices_.size(), reduced[0].data(), reduced.size(),
-                           sizeof(Eigen::Vector3f), 3 * triangles, error, 0, &reached);
-      indices_.assign(kept.begin(), kept.begin() + static_cast<std::ptrdiff_t>(count));
-    };
-    simplify(0, static_cast<float>(config_.error) / scale);
-    if (indices_.size() > 3 * config_.most_triangles) simplify(config_.most_triangles, 1.f);
-
+    if (config_.error > 0) Simplify();
     TurnTowardsCenter();
     const Panorama& panorama = grid_.panorama();
     std::vector<std::uint32_t> number(vertices_.size(), kNone);

@@ -13,7 +13,7 @@ namespace mixstage {
 namespace {
 
 constexpr int kHalf = 7;      // patch of 15 x 15
-constexpr int kCell_px = 28;  // at most one patch in each cell of a picture
+constexpr int kCell_px = 40;  // at most one patch in each cell of a picture
 constexpr float kSearch_px = 3.5f;
 constexpr float kLeastAgreement = 0.85f;  // normalised correlation
 

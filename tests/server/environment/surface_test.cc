@@ -41,7 +41,9 @@ const Scanned& ScannedRoom() {
       for (const double azimuth : {-0.5, -0.15, 0.2, 0.55})
         poses.push_back(
             LookTo({1 + 0.05 * std::cos(azimuth), 1.5 + 0.05 * std::sin(azimuth), 1.4}, azimuth, elevation));
-    const PanoramaGrid grid(Coarser(LayOutPanorama(rig.color, poses, 3), 3));
+    constexpr int kNodeStep = 2;
+    const PanoramaGrid grid(Coarser(LayOutPanorama(rig.color, poses, 3 * kNodeStep), 3));
+    EXPECT_EQ(NodeStep(grid, camera.pitch_rad), kNodeStep);
     std::vector<PanoramaPatch> patches;
     for (const RigidTransform& T_world_color : poses) {
       const RigidTransform T_world_depth = T_world_color * camera.T_color_depth;
@@ -58,7 +60,7 @@ const Scanned& ScannedRoom() {
       patches.push_back(SeeFromCenter(view, camera, T_world_depth, grid));
     }
     Scanned s{room, grid, Fuse(patches, grid), {}, {}, {}, {}};
-    s.nodes = MakeNodes(s.fused, grid, camera.pitch_rad);
+    s.nodes = MakeNodes(s.fused, grid, kNodeStep);
     FitPlanes(s.nodes, {});
     s.planes = GrowPlanes(s.nodes, {});
     FitPlanes(s.nodes, {});
