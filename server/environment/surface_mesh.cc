@@ -11,6 +11,9 @@
 namespace mixstage {
 namespace {
 
+// An edge may move by `error`; range, on which a texture's place hangs, by so many times less.
+constexpr float kRangeWeight = 20;
+
 class Mesher {
  public:
   Mesher(const DenseSurface& dense, const SurfaceNodes& nodes, const PanoramaGrid& grid,
@@ -155,7 +158,6 @@ class Mesher {
   // First tile by tile with their borders held (small, and side by side on the cores), then the rest as a
   // whole.
   void Simplify() {
-    const float kRangeWeight = getenv("KW") ? (float)atof(getenv("KW")) : 10.f;
     const auto step = static_cast<float>(grid_.step_rad());
     std::vector<Eigen::Vector3f> place(vertices_.size());
     for (std::size_t i = 0; i < place.size(); ++i) {
@@ -204,7 +206,7 @@ class Mesher {
       from[k] =
           static_cast<std::uint32_t>(std::lower_bound(used.begin(), used.end(), part[k]) - used.begin());
     const float scale = meshopt_simplifyScale(local[0].data(), local.size(), sizeof(Eigen::Vector3f));
-    const float error = triangles > 0 ? 1.f : (getenv("KE")?(float)atof(getenv("KE")):static_cast<float>(config_.error)) / std::max(scale, 1e-9f);
+    const float error = triangles > 0 ? 1.f : static_cast<float>(config_.error) / std::max(scale, 1e-9f);
     const std::size_t count =
         meshopt_simplify(to.data(), from.data(), from.size(), local[0].data(), local.size(),
                          sizeof(Eigen::Vector3f), 3 * triangles, error, options, nullptr);

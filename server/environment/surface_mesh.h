@@ -15,7 +15,8 @@ namespace mixstage {
 struct SurfaceMeshConfig {
   double cut_m = 0.1;  // least step that is an edge
   std::size_t most_triangles = 150'000;
-  double error = 1e-4;  // of range, relative, and so of a texture's place in radians; 0 = nothing is reduced
+  double error =
+      3e-4;  // radians that an edge may move; a twentieth of it of range, relative; 0 = nothing reduced
 };
 
 struct SurfaceMesh {
