@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <opencv2/imgproc.hpp>
 
 #include "proto/base/clock.h"
@@ -371,7 +372,15 @@ Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<
   environment.rig.ptu = ptu;
   environment.planes = DescribePlanes(surface.planes, surface.nodes, panorama.center);
   std::vector<double> misses;
+  // More than an encoder's own noise and what its axes were off at the start: somebody should look at it.
+  constexpr double kOff_deg = 0.2;
   for (std::size_t i = 0; i < views.size(); ++i) {
+    if (pan_tilt && registration.moved_deg[i] > kOff_deg) {
+      char text[96];
+      std::snprintf(text, sizeof text, "its encoders are %.2f degrees off: placed by its pictures",
+                    registration.moved_deg[i]);
+      report.notes.push_back({views[i].listed.name, text});
+    }
     if (registration.matches[i] > 0) misses.push_back(registration.rms_px[i]);
     report.views.push_back({views[i].listed.name, photometry.exposure[i], registration.matches[i],
                             registration.rms_px[i], registration.moved_deg[i]});
