@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <set>
@@ -51,6 +52,42 @@ class StudioTest : public testing::Test {
     auto studio = Studio::Create(std::move(setup));
     EXPECT_TRUE(studio);
     return std::move(*studio);
+  }
+  // The empty set as a scan would have it that saw it from where the camera stands: a grid over its true
+  // depth, cut at steps, the picture of an empty moment on it.
+  static RoomModel Scan() {
+    constexpr int kStep = 3;
+    const cv::Mat1f z = synthetic_->TruthDepth(SyntheticCamera::kColor, 0.3);
+    YuvImage empty;
+    synthetic_->RenderColor(0.3, empty);
+    RoomModel room;
+    room.texture_bgr = ToBgr(empty);
+    const RigidTransform& T_world_color = synthetic_->TruthPose();
+    const PinholeCamera& camera = synthetic_->rig().color;
+    cv::Mat1i vertex(z.size(), -1);
+    for (int v = 0; v < z.rows; v += kStep) {
+      for (int u = 0; u < z.cols; u += kStep) {
+        const auto ray = camera.Unproject(Eigen::Vector2d(u, v));
+        if (!ray || !(z(v, u) > 0)) continue;
+        vertex(v, u) = static_cast<int>(room.positions.size());
+        const Eigen::Vector3d p = T_world_color * (z(v, u) * Eigen::Vector3d(ray->x(), ray->y(), 1));
+        room.positions.push_back(p.cast<float>());
+        room.uvs.emplace_back((static_cast<float>(u) + 0.5f) / static_cast<float>(z.cols),
+                              (static_cast<float>(v) + 0.5f) / static_cast<float>(z.rows));
+      }
+    }
+    auto add = [&](cv::Point a, cv::Point b, cv::Point c) {
+      const auto [near, far] = std::minmax({z(a), z(b), z(c)});
+      if (vertex(a) < 0 || vertex(b) < 0 || vertex(c) < 0 || far > 1.05f * near) return;
+      for (const cv::Point& p : {a, b, c}) room.indices.push_back(static_cast<std::uint32_t>(vertex(p)));
+    };
+    for (int v = 0; v + kStep < z.rows; v += kStep) {
+      for (int u = 0; u + kStep < z.cols; u += kStep) {
+        add({u, v}, {u, v + kStep}, {u + kStep, v});
+        add({u + kStep, v}, {u, v + kStep}, {u + kStep, v + kStep});
+      }
+    }
+    return room;
   }
   // Shows the empty set (the figure enters at 3 s) until the room is known.
   static void Learn(Studio& studio) {
@@ -168,6 +205,52 @@ TEST_F(StudioTest, ADepthPictureOfAnotherSizeIsCountedAndLeftOut) {
   studio.Run(frame, times_);
   EXPECT_EQ(studio.unusable_depths(), 1);
   EXPECT_TRUE(frame.D.empty());
+}
+
+TEST_F(StudioTest, AScannedRoomNeedsNoEmptySet) {
+  StudioSetup setup;
+  setup.rig = SyntheticRig();
+  setup.rig.vignetting_a = setup.rig.vignetting_b = 0;  // Scan's texture has it
+  setup.scanned = ScannedRoom{.model = Scan(), .doubt = {.registration_px = 0.3f, .depth_sigma_m = 0.003f}};
+  auto studio = Studio::Create(std::move(setup));
+  ASSERT_TRUE(studio) << studio.error().message;
+  EXPECT_EQ(studio->room_state(), RoomState::kKnown);
+  Frame frame;
+  double hit = 0, called = 0, actor = 0;
+  for (const double t_s : {8.5, 14.0}) {  // from the first frame on
+    frame.captured = Capture(t_s);
+    studio->Run(frame, times_);
+    EXPECT_TRUE(frame.keyed);
+    const cv::Mat truth = synthetic_->TruthMatte(t_s) >= 128;
+    const cv::Mat mine = frame.alpha >= 128;
+    hit += cv::countNonZero(truth & mine);
+    called += cv::countNonZero(mine);
+    actor += cv::countNonZero(truth);
+  }
+  EXPECT_GT(2 * hit / (called + actor), 0.94);
+  const cv::Mat1f truth = synthetic_->TruthDepth(SyntheticCamera::kColor, 0.3);
+  const cv::Mat1f& D_M = studio->room_view()->Look(frame.T_world_color).depth_m;
+  int good = 0;
+  for (int i = 0; i < truth.rows * truth.cols; ++i) good += std::abs(truth(i) - D_M(i)) < 0.01f ? 1 : 0;
+  EXPECT_GT(good, 0.93 * truth.rows * truth.cols);
+  frame.captured = Capture(2.5);
+  studio->Run(frame, times_);
+  EXPECT_LT(cv::countNonZero(frame.alpha >= 128), 200);
+}
+
+TEST(Studio, AScannedRoomNeedsAPose) {
+  StudioSetup setup;
+  setup.rig = AssumedRig(64, 48, 0.001);
+  RoomModel room;
+  room.positions = {{0, 0, 1}, {1, 0, 1}, {0, 1, 1}};
+  room.uvs.resize(3, Eigen::Vector2f::Zero());
+  room.indices = {0, 1, 2};
+  room.texture_bgr = cv::Mat3b(2, 2);
+  setup.scanned = ScannedRoom{.model = room};
+  const auto studio = Studio::Create(std::move(setup));
+  ASSERT_FALSE(studio);
+  EXPECT_EQ(studio.error().code, ErrorCode::kInvalidConfig);
+  EXPECT_NE(studio.error().message.find("--poses"), std::string::npos);
 }
 
 TEST(Studio, AWorldSceneNeedsAPose) {
