@@ -4,7 +4,10 @@
 #include <cmath>
 #include <cstdio>
 #include <fstream>
+#include <initializer_list>
 #include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 
 #include "proto/take/take.h"
 #include "server/app/room_file.h"
@@ -58,6 +61,104 @@ Json ReportOf(const ScanResult& scan) {
           {"warnings", scan.report.warnings}};
 }
 
+// A picture inside the page.
+std::string Inline(const cv::Mat& picture) {
+  constexpr int kMostWidth = 1400;
+  cv::Mat small = picture;
+  if (picture.cols > kMostWidth) {
+    const double scale = static_cast<double>(kMostWidth) / picture.cols;
+    cv::resize(picture, small, {}, scale, scale, cv::INTER_AREA);
+  }
+  std::vector<std::uint8_t> jpeg;
+  cv::imencode(".jpg", small, jpeg, {cv::IMWRITE_JPEG_QUALITY, 85});
+  static constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string text = "<img src=\"data:image/jpeg;base64,";
+  for (std::size_t i = 0; i < jpeg.size(); i += 3) {
+    unsigned bits = static_cast<unsigned>(jpeg[i]) << 16;
+    if (i + 1 < jpeg.size()) bits |= static_cast<unsigned>(jpeg[i + 1]) << 8;
+    if (i + 2 < jpeg.size()) bits |= jpeg[i + 2];
+    text += kDigits[bits >> 18 & 63];
+    text += kDigits[bits >> 12 & 63];
+    text += i + 1 < jpeg.size() ? kDigits[bits >> 6 & 63] : '=';
+    text += i + 2 < jpeg.size() ? kDigits[bits & 63] : '=';
+  }
+  return text + "\">";
+}
+
+// Names come from files.
+std::string Escaped(const std::string& text) {
+  std::string out;
+  for (const char c : text) {
+    if (c == '<')
+      out += "&lt;";
+    else if (c == '&')
+      out += "&amp;";
+    else
+      out += c;
+  }
+  return out;
+}
+
+std::string Row(std::initializer_list<std::string> cells) {
+  std::string row = "<tr>";
+  for (const std::string& cell : cells) row.append("<td>").append(Escaped(cell)).append("</td>");
+  return row + "</tr>\n";
+}
+
+std::string Number(double value, int digits) {
+  char text[48];
+  std::snprintf(text, sizeof text, "%.*f", digits, value);
+  return text;
+}
+
+std::string HtmlOf(const ScanResult& scan) {
+  const Environment& e = scan.environment;
+  const ScanReport& r = scan.report;
+  cv::Mat range, colored, color;
+  scan.pictures.range_mm.convertTo(range, CV_8U, 255.0 / 8000);
+  cv::applyColorMap(range, colored, cv::COLORMAP_TURBO);
+  colored.setTo(cv::Scalar(0, 0, 0), scan.pictures.range_mm == 0);
+  cv::cvtColor(scan.pictures.color_bgra, color, cv::COLOR_BGRA2BGR);
+  std::string html =
+      "<!doctype html><meta charset=\"utf-8\"><title>MixStage: scan</title>\n<style>body{font:15px "
+      "sans-serif;max-width:"
+      "1400px;margin:1em auto}img{max-width:100%}td,th{padding:2px 10px;text-align:left}</style>\n<h1>Scan "
+      "of a room</h1>\n";
+  html += "<table>" + Row({"Views used", std::to_string(e.frames.size())}) +
+          Row({"Covered of the swept directions", Number(100 * e.coverage, 1) + " %"}) +
+          Row({"of which measured (the rest is filled in)", Number(100 * r.measured, 1) + " %"}) +
+          Row({"Typical error of a surface", Number(1000 * e.depth_sigma_m, 2) + " mm"}) +
+          Row({"Points of two views apart", Number(e.registration_px, 2) + " px"}) +
+          Row({"Brightness of two views apart", Number(r.photometric_rms_levels, 2) + " levels"}) +
+          Row({"Triangles", std::to_string(scan.room.triangle_count())}) + "</table>\n";
+  html += "<h2>Left out, and used with a doubt</h2>\n<table>";
+  for (const ViewNote& n : r.left_out) html += Row({n.view, "left out", n.reason});
+  for (const ViewNote& n : r.notes) html += Row({n.view, "used", n.reason});
+  for (const std::string& w : r.warnings) html += Row({"", "warning", w});
+  if (r.left_out.empty() && r.notes.empty() && r.warnings.empty()) html += Row({"nothing"});
+  html += "</table>\n<h2>Colour</h2>\n" + Inline(color) + "\n<h2>Range, black: not known; red: 8 m</h2>\n" +
+          Inline(colored);
+  html +=
+      "\n<h2>Views</h2>\n<table><tr><th>view<th>exposure<th>points shared<th>apart, px<th>moved, "
+      "degrees</tr>\n";
+  for (const ViewFit& v : r.views)
+    html += Row({v.view, Number(v.exposure, 3), std::to_string(v.matches), Number(v.rms_px, 2),
+                 Number(v.moved_deg, 3)});
+  html += "</table>\n<h2>Planes</h2>\n<table>";
+  for (const RoomPlane& p : e.planes)
+    html += Row(
+        {p.name, Number(p.normal.x(), 4), Number(p.normal.y(), 4), Number(p.normal.z(), 4), Number(p.d, 4)});
+  html += "</table>\n<h2>Lamps</h2>\n<table>";
+  for (const RoomLamp& l : e.lamps) {
+    html += Row(
+        {l.name,
+         "at " + Number(l.center.x(), 2) + ", " + Number(l.center.y(), 2) + ", " + Number(l.center.z(), 2),
+         Number(l.edge_u.norm(), 2) + " x " + Number(l.edge_v.norm(), 2) + " m",
+         "radiance " + Number(l.intensity, 1)});
+  }
+  return html + "</table>\n";
+}
+
 Status SaveText(const fs::path& file, const std::string& text) {
   std::ofstream out(file);
   if (!(out << text) || !out.flush())
@@ -90,6 +191,7 @@ Result<std::string> RunScan(const ScanOptions& options) {
   if (auto ok = WritePanorama(options.out, scan->environment.panorama, scan->pictures); !ok)
     return tl::unexpected(ok.error());
   if (auto ok = WriteRoom(options.out, scan->room); !ok) return tl::unexpected(ok.error());
+  if (auto ok = SaveText(options.out / "report.html", HtmlOf(*scan)); !ok) return tl::unexpected(ok.error());
   const std::string report = ReportOf(*scan).dump(1) + "\n";
   if (auto ok = SaveText(options.out / "report.json", report); !ok) return tl::unexpected(ok.error());
   return report;

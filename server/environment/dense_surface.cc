@@ -9,13 +9,12 @@
 namespace mixstage {
 namespace {
 
-// A plane does not go on far beyond where it was seen: its range may change to half or double, then it turns
-// frontal.
+// A plane goes on from where it was seen until its range has changed by `most`, then it turns frontal.
 Eigen::Vector3f GoOn(const Eigen::Vector3f& plane, const Eigen::Vector3f& from_ray,
-                     const Eigen::Vector3f& to_ray) {
+                     const Eigen::Vector3f& to_ray, float most) {
   const float from = plane.dot(from_ray), to = plane.dot(to_ray);
-  if (to > 0.5f * from && to < 2 * from) return plane;
-  return to_ray.normalized() * std::clamp(to, 0.5f * from, 2 * from);
+  if (to * most > from && to < most * from) return plane;
+  return to_ray.normalized() * std::clamp(to, from / most, most * from);
 }
 
 constexpr std::array<std::pair<int, int>, 4> kBeside = {{{1, 0}, {-1, 0}, {0, 1}, {0, -1}}};
@@ -91,8 +90,11 @@ int FillHoles(SurfaceNodes& nodes, std::vector<std::uint8_t>& open) {
 
 int Spread(SurfaceNodes& nodes, const std::vector<std::uint8_t>& wanted) {
   std::vector<int> front;
-  for (std::size_t i = 0; i < nodes.plane.size(); ++i)
+  std::vector<int> origin(nodes.plane.size());  // the node that saw what a filled one goes on with
+  for (std::size_t i = 0; i < nodes.plane.size(); ++i) {
+    origin[i] = static_cast<int>(i);
     if (!nodes.plane[i].isZero()) front.push_back(static_cast<int>(i));
+  }
   int filled = 0;
   std::vector<int> next;
   // Rings: every ring sees only those before it, so the order inside one does not matter.
@@ -122,9 +124,14 @@ int Spread(SurfaceNodes& nodes, const std::vector<std::uint8_t>& wanted) {
     for (const auto& [to, from] : takes) {
       const auto t = static_cast<std::size_t>(to), f = static_cast<std::size_t>(from);
       if (!nodes.plane[t].isZero()) continue;
-      const Eigen::Vector3f plane = GoOn(nodes.plane[f], nodes.ray[f], nodes.ray[t]);
-      if (plane.dot(nodes.ray[t]) <= 0) continue;
-      nodes.room_plane[t] = plane == nodes.plane[f] ? nodes.room_plane[f] : -1;
+      const auto o = static_cast<std::size_t>(origin[f]);
+      // A wall surely goes on; of a cupboard a few tens of degrees of noise may be all that is known of its
+      // slant.
+      constexpr float kRoom = 2, kThing = 1.15f;
+      const Eigen::Vector3f plane =
+          GoOn(nodes.plane[o], nodes.ray[o], nodes.ray[t], nodes.room_plane[o] >= 0 ? kRoom : kThing);
+      origin[t] = origin[f];
+      nodes.room_plane[t] = plane == nodes.plane[o] ? nodes.room_plane[o] : -1;
       nodes.plane[t] = plane;
       next.push_back(to);
       ++filled;

@@ -175,6 +175,11 @@ std::array<Eigen::VectorXd, 3> SolveRadiance(const std::vector<Shade>& shades, s
                 f * albedo[sh.plane] * sh.factors[k];
         }
       }
+      // Two lamps whose light falls alike on every wall are told apart by nothing: they are held at what is
+      // common to all of them.
+      const double common = L.mean(), hold = 0.05 * A.diagonal().mean();
+      A.diagonal().array() += hold;
+      b.array() += hold * common;
       L = SolveNonNegative(A, b);
       // Only albedo x radiance is known: the mean albedo, by samples, is one half.
       double mean = 0, count = 0;
