@@ -12,8 +12,10 @@ namespace mixstage {
 namespace {
 
 constexpr double kKnotStep_m = 0.5;
-constexpr double kExpectedError_m =
-    0.05;  // a weak prior of every coefficient: decides only what no board does
+constexpr double kExpectedSpline_m = 0.05;  // prior of a coefficient: decides only what no board does
+// Boards' distances scale with a focal length that is known to some 1e-4: what grows like that is not the
+// sensor's error.
+constexpr double kExpectedScale = 3e-4;
 
 // Values of all basis functions at a range.
 class Basis {
@@ -21,6 +23,7 @@ class Basis {
   virtual ~Basis() = default;
   [[nodiscard]] virtual int size() const = 0;
   virtual void At(double range_m, Eigen::VectorXd& values) const = 0;
+  [[nodiscard]] virtual double expected_m() const = 0;  // sigma of a coefficient before any board is seen
 };
 
 // Uniform cubic B-spline from the knot below from_m to the knot above to_m.
@@ -32,6 +35,7 @@ class Spline : public Basis {
     count_ = static_cast<int>(spans) + 3;
   }
   [[nodiscard]] int size() const override { return count_; }
+  [[nodiscard]] double expected_m() const override { return kExpectedSpline_m; }
   void At(double range_m, Eigen::VectorXd& values) const override {
     values.setZero(count_);
     const double x = (std::clamp(range_m, from_m_, to_m_) - from_m_) / step_m_;
@@ -48,8 +52,10 @@ class Spline : public Basis {
 
 class Harmonics : public Basis {
  public:
-  explicit Harmonics(double wrap_m) : wrap_m_(wrap_m) {}
+  // A harmonic is expected to be as large as the error that boards show: beyond them the curve rests on that.
+  Harmonics(double wrap_m, double expected_m) : wrap_m_(wrap_m), expected_m_(expected_m) {}
   [[nodiscard]] int size() const override { return 5; }
+  [[nodiscard]] double expected_m() const override { return expected_m_; }
   void At(double range_m, Eigen::VectorXd& values) const override {
     const double phase = 2 * std::numbers::pi * range_m / wrap_m_;
     values.resize(5);
@@ -57,7 +63,7 @@ class Harmonics : public Basis {
   }
 
  private:
-  double wrap_m_;
+  double wrap_m_, expected_m_;
 };
 
 // Sigma of a sample by its amplitude: measured in bins of equally many samples.
@@ -89,57 +95,16 @@ class NoiseByAmplitude {
   std::map<double, double> sigma_by_amplitude_;  // the bin's largest amplitude
 };
 
-// Weighted least squares with Huber's weights: coefficients of the basis and, last, of the darkness term.
+// Weighted least squares with Huber's weights: coefficients of the basis, then of darkness and of scale.
 struct Fit {
   Eigen::VectorXd coefficients;
   Eigen::MatrixXd covariance;
-  double chi2 = 0;  // robust
   std::vector<double> residuals;
 };
 
 // 0 at the median amplitude, 1 at a tenth of it.
 double Darkness(double amplitude, double median_amplitude) {
   return std::log10(median_amplitude / amplitude);
-}
-
-Fit Solve(const std::vector<RangeSample>& samples, const Basis& basis, double median_amplitude) {
-  Fit fit;
-  const int n = basis.size() + 1;
-  fit.residuals.resize(samples.size());
-  for (std::size_t i = 0; i < samples.size(); ++i)
-    fit.residuals[i] = samples[i].measured_m - samples[i].range_m;
-  Eigen::VectorXd values;
-  Eigen::VectorXd row(n);
-  constexpr int kRounds = 6;
-  for (int round = 0; round < kRounds; ++round) {
-    // The first round knows no curve yet: its residuals still hold the error itself, which is small.
-    const NoiseByAmplitude noise(samples, fit.residuals);
-    Eigen::MatrixXd A = Eigen::MatrixXd::Identity(n, n) / (kExpectedError_m * kExpectedError_m);
-    Eigen::VectorXd b = Eigen::VectorXd::Zero(n);
-    fit.chi2 = 0;
-    for (std::size_t i = 0; i < samples.size(); ++i) {
-      const RangeSample& s = samples[i];
-      basis.At(s.range_m, values);
-      row << values, Darkness(s.amplitude, median_amplitude);
-      const double sigma = noise.At(s.amplitude);
-      const double size = std::abs(fit.residuals[i]) / sigma;
-      if (size > 6) continue;  // a hand, the stand
-      const double weight = std::min(1.0, 1.5 / size) / (sigma * sigma);
-      A.selfadjointView<Eigen::Lower>().rankUpdate(row, weight);
-      b += weight * (s.measured_m - s.range_m) * row;
-      fit.chi2 += weight * fit.residuals[i] * fit.residuals[i];
-    }
-    const Eigen::LLT<Eigen::MatrixXd, Eigen::Lower> llt(A);
-    fit.coefficients = llt.solve(b);
-    fit.covariance = llt.solve(Eigen::MatrixXd::Identity(n, n));
-    for (std::size_t i = 0; i < samples.size(); ++i) {
-      const RangeSample& s = samples[i];
-      basis.At(s.range_m, values);
-      fit.residuals[i] = s.measured_m - s.range_m - values.dot(fit.coefficients.head(n - 1)) -
-                         fit.coefficients(n - 1) * Darkness(s.amplitude, median_amplitude);
-    }
-  }
-  return fit;
 }
 
 double Median(std::vector<double> values) {
@@ -180,6 +145,60 @@ double RmsOfMeans(const std::vector<RangeSample>& samples, const std::vector<dou
   return used == 0 ? 0 : std::sqrt(squares / used);
 }
 
+// A board's pose is wrong by a little in every view, and all its pixels with it: a view tells no more than
+// one measurement of that sigma, however many pixels it has.
+double SigmaOfViews(const std::vector<RangeSample>& samples, const std::vector<double>& residuals) {
+  const double rms = RmsOfMeans(samples, residuals, [](const RangeSample& s) { return s.view; });
+  return std::max(rms, 2e-4);
+}
+
+Fit Solve(const std::vector<RangeSample>& samples, const Basis& basis, double median_amplitude) {
+  Fit fit;
+  const int n = basis.size() + 2;
+  fit.residuals.resize(samples.size());
+  for (std::size_t i = 0; i < samples.size(); ++i)
+    fit.residuals[i] = samples[i].measured_m - samples[i].range_m;
+  Eigen::VectorXd values;
+  Eigen::VectorXd row(n);
+  constexpr int kRounds = 6;
+  for (int round = 0; round < kRounds; ++round) {
+    // The first round knows no curve yet: its residuals still hold the error itself, which is small.
+    const NoiseByAmplitude noise(samples, fit.residuals);
+    std::vector<double> weights(samples.size());
+    std::map<std::size_t, double> of_view;
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      const double sigma = noise.At(samples[i].amplitude);
+      const double size = std::abs(fit.residuals[i]) / sigma;
+      weights[i] = size > 6 ? 0 : std::min(1.0, 1.5 / size) / (sigma * sigma);  // 6: a hand, the stand
+      of_view[samples[i].view] += weights[i];
+    }
+    const double view_sigma = SigmaOfViews(samples, fit.residuals);
+    for (auto& [view, sum] : of_view) sum = 1 / (1 + sum * view_sigma * view_sigma);
+    Eigen::MatrixXd A = Eigen::MatrixXd::Identity(n, n) / (basis.expected_m() * basis.expected_m());
+    A(n - 1, n - 1) = 1 / (kExpectedScale * kExpectedScale);
+    Eigen::VectorXd b = Eigen::VectorXd::Zero(n);
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      const RangeSample& s = samples[i];
+      const double weight = weights[i] * of_view[s.view];
+      if (weight == 0) continue;
+      basis.At(s.range_m, values);
+      row << values, Darkness(s.amplitude, median_amplitude), s.range_m;
+      A.selfadjointView<Eigen::Lower>().rankUpdate(row, weight);
+      b += weight * (s.measured_m - s.range_m) * row;
+    }
+    const Eigen::LLT<Eigen::MatrixXd, Eigen::Lower> llt(A);
+    fit.coefficients = llt.solve(b);
+    fit.covariance = llt.solve(Eigen::MatrixXd::Identity(n, n));
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      const RangeSample& s = samples[i];
+      basis.At(s.range_m, values);
+      row << values, Darkness(s.amplitude, median_amplitude), s.range_m;
+      fit.residuals[i] = s.measured_m - s.range_m - row.dot(fit.coefficients);
+    }
+  }
+  return fit;
+}
+
 // Largest size of a curve between two ranges.
 double LargestSize(const Basis& basis, const Fit& fit, double from_m, double to_m) {
   double largest = 0;
@@ -202,7 +221,8 @@ double HeldOutRms(const std::vector<RangeSample>& samples, const Basis& basis, d
   for (const RangeSample& s : rest) {
     basis.At(s.range_m, values);
     residuals.push_back(s.measured_m - s.range_m - values.dot(fit.coefficients.head(basis.size())) -
-                        fit.coefficients(basis.size()) * Darkness(s.amplitude, median_amplitude));
+                        fit.coefficients(basis.size()) * Darkness(s.amplitude, median_amplitude) -
+                        fit.coefficients(basis.size() + 1) * s.range_m);
   }
   return RmsOfMeans(rest, residuals, [](const RangeSample& s) { return s.view; });
 }
@@ -231,19 +251,17 @@ Result<RangeCurve> FitRangeCurve(const std::vector<RangeSample>& samples,
 
   const Spline spline(curve.from_m, curve.to_m);
   const Fit by_spline = Solve(samples, spline, median_amplitude);
-  std::optional<Harmonics> harmonics;
-  Fit by_harmonics;
-  if (unambiguous_range_m) {
-    harmonics.emplace(*unambiguous_range_m);
-    by_harmonics = Solve(samples, *harmonics, median_amplitude);
-  }
   // A step of 0.1 m is as fine as boards are; what is left in its mean is the curve's own failure.
   auto step = [](const RangeSample& s) { return static_cast<std::size_t>(s.range_m * 10); };
   std::vector<double> raw;
   for (const RangeSample& s : samples) raw.push_back(s.measured_m - s.range_m);
   curve.before_rms_m = RmsOfMeans(samples, raw, step);
   curve.after_rms_m = RmsOfMeans(samples, by_spline.residuals, step);
-  if (harmonics) {
+  std::optional<Harmonics> harmonics;
+  Fit by_harmonics;
+  if (unambiguous_range_m) {
+    harmonics.emplace(*unambiguous_range_m, std::max(curve.before_rms_m, 0.001));
+    by_harmonics = Solve(samples, *harmonics, median_amplitude);
     const double left = RmsOfMeans(samples, by_harmonics.residuals, step);
     // Harmonics that cancel each other only where boards stood explain nothing.
     const double seen = LargestSize(spline, by_spline, curve.from_m, curve.to_m);

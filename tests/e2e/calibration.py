@@ -1,0 +1,117 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""`calibrate` on the shared test data: the studio's views scored against its true rig, and views that are no good.
+
+calibration.py BUILD_DIR [OUT_DIR]      OUT_DIR keeps rigs and reports
+"""
+import json
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+SHARED = ROOT.parent / "shared"
+STUDIO, TOOLS = SHARED / "data" / "studio_a", SHARED / "tools"
+BUILD = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "build").resolve()
+OUT = pathlib.Path(sys.argv[2]).resolve() if len(sys.argv) > 2 else pathlib.Path(tempfile.mkdtemp(prefix="mixstage-calibration-"))
+PYTHON = "/usr/bin/python3"  # Debian's: python3-numpy belongs to it
+
+
+def calibrate(name, *views, expected=0, rig=None):
+    out = OUT / name
+    arguments = [a for v in views for a in ("--views", str(v))] + (["--rig", str(rig)] if rig else [])
+    run = subprocess.run([str(BUILD / "mixstage-server"), "--log-level", "error", "calibrate", *arguments, "--out", str(out)],
+                         capture_output=True, text=True, timeout=900)
+    assert run.returncode == expected, f"exit {run.returncode}, not {expected}: {run.stderr.strip().splitlines()[-1:]}"
+    report = json.loads((out / "report.json").read_text()) if (out / "report.json").exists() else None
+    return out, report, run.stderr
+
+
+def subset(name, source, keep, lists=("rgb", "amplitude", "depth")):
+    """A folder of views with the lines `keep` of another's lists."""
+    folder = OUT / "views" / name
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    shutil.copy(STUDIO / source / "board.json", folder)
+    for kind in lists:
+        lines = [line for line in (STUDIO / source / f"{kind}.txt").read_text().splitlines() if not line.startswith("#")]
+        (folder / f"{kind}.txt").write_text("".join(lines[i] + "\n" for i in keep))
+        (folder / kind).mkdir()
+        for i in keep:
+            file = lines[i].split()[1]
+            shutil.copy(STUDIO / source / file, folder / file)
+    return folder
+
+
+def the_studio_is_calibrated():
+    start = time.monotonic()
+    out, report, _ = calibrate("studio", STUDIO / "calib", STUDIO / "calib_wide", STUDIO / "handeye")
+    seconds = time.monotonic() - start
+    run = subprocess.run([PYTHON, str(TOOLS / "evaluate_rig.py"), str(out / "rig.json"), str(STUDIO / "ground_truth" / "rig.json"),
+                          "--max-angle-deg", "80", "--json"], capture_output=True, text=True, timeout=300)
+    score = json.loads(run.stdout)
+    limits = [("color", "projection_mean_px", 0.1), ("depth", "projection_mean_px", 0.05), ("fisheye", "projection_mean_px", 0.15),
+              ("T_color_depth", "transfer_mean_px", 0.15), ("T_color_depth", "distance_mm", 1.0), ("T_color_fisheye", "distance_mm", 2.0),
+              # 0.12 is the goal; the set's fisheye pictures follow its model to 0.04 px only, six times as much in colour pixels.
+              ("T_color_fisheye", "transfer_mean_px", 0.2), ("range_error_mm", "mean", 2.5)]
+    found = ", ".join(f"{a}.{b} {score[a][b]:.3f}" for a, b, _ in limits)
+    for a, b, limit in limits:
+        assert score[a][b] <= limit, f"{a}.{b} {score[a][b]:.3f} > {limit} ({found})"
+    for name, camera in report["cameras"].items():
+        assert camera["held_out"]["boards"] > 0 and camera["held_out"]["rms_px"] < 0.3, (name, camera["held_out"])
+    assert (out / "report.html").read_text().count("<svg") >= 6
+    return f"{found}; {seconds:.0f} s"
+
+
+def pictures_that_are_no_good_are_named():
+    folder = subset("damaged", "calib", range(10))
+    whole = (folder / "rgb" / "0001.jpg").read_bytes()
+    (folder / "rgb" / "0001.jpg").write_bytes(whole[: len(whole) // 2])
+    plate = next(p for p in sorted((STUDIO / "scan" / "rgb").iterdir()))
+    shutil.copy(plate, folder / "rgb" / "0002.jpg")  # no board in it
+    shutil.copy(STUDIO / "calib" / "rgb" / "0015.jpg", folder / "rgb" / "0003.jpg")  # the board was carried on
+    out, report, _ = calibrate("damaged", folder, rig=STUDIO / "rig.json")
+    why = {pathlib.Path(e["file"]).parent.name + "/" + pathlib.Path(e["file"]).name: e["why"] for e in report["left_out"]}
+    assert "rgb/0001.jpg" in why, why
+    assert "no whole board" in why.get("rgb/0002.jpg", ""), why
+    assert any("px rms" in why.get(f"{kind}/0003.{end}", "") for kind, end in (("rgb", "jpg"), ("amplitude", "png"))), why
+    assert (out / "rig.json").exists()
+    return f"{len(why)} pictures left out by name"
+
+
+def too_few_views_are_refused():
+    out, report, stderr = calibrate("few", subset("few", "calib", range(3)), rig=STUDIO / "rig.json", expected=4)
+    assert "too few views" in stderr and not report["good"], stderr
+    assert not (out / "rig.json").exists()
+    return report["failed_gates"][0]
+
+
+def unusable_input_is_named():
+    folder = subset("nan", "calib", range(3))
+    (folder / "board.json").write_text('{"inner_corners": [9, 6], "square_m": NaN}')
+    _, _, stderr = calibrate("nan", folder, rig=STUDIO / "rig.json", expected=3)
+    assert "board.json" in stderr, stderr
+    _, _, stderr = calibrate("missing", OUT / "not there", expected=3)
+    assert "not there" in stderr, stderr
+    return "exit 3 with the file's name"
+
+
+def main():
+    if not STUDIO.is_dir():
+        print(f"SKIP calibration: {STUDIO} is not there")
+        return 0
+    OUT.mkdir(parents=True, exist_ok=True)
+    failed = 0
+    for test in (the_studio_is_calibrated, pictures_that_are_no_good_are_named, too_few_views_are_refused, unusable_input_is_named):
+        try:
+            print(f"ok {test.__name__}: {test()}", flush=True)
+        except Exception as e:  # every other test still runs
+            failed += 1
+            print(f"FAIL {test.__name__}: {e}", flush=True)
+    return 1 if failed else 0
+
+
+sys.exit(main())
