@@ -63,7 +63,8 @@ for part in "${chosen[@]}"; do
     e2e) tally e2e python3 tests/e2e/run.py build; tally meshes /usr/bin/python3 tests/e2e/meshes.py build ;;
     loss) tally loss python3 tests/e2e/loss.py build ;;
     data) tally data python3 tests/e2e/recordings.py build; tally calibration python3 tests/e2e/calibration.py build
-      tally scan python3 tests/e2e/scan.py build ;;
+      tally scan python3 tests/e2e/scan.py build
+      tally boards tests/support/run_gtest.py build/tests/real_boards ;;
     browser) tally browser tests/browser/run.sh build ;;
     asan) tally asan tests/asan.sh ;;
     fuzz) tally fuzz tests/fuzz.sh 10 ;;

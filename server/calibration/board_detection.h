@@ -21,13 +21,17 @@ struct BoardSighting {
   std::size_t board = 0;                // of the list searched for
   std::vector<int> corners;             // which of the board's, rising; a whole board or part of one
   std::vector<Eigen::Vector2d> pixels;  // where, same order
+  // The same by the gradient about each (cv::cornerSubPix): noisier, but less biased where a camera sharpens
+  // or its edges are soft. StartLens says which of the two a camera's lens fits.
+  std::vector<Eigen::Vector2d> gradient_pixels;
   double sigma_px = 0.1;  // of a coordinate, expected; the joint adjustment estimates it per camera
   double square_px = 0;   // side of a square, mean
   double rise_px = 0;     // width of the edges from 10 to 90 %, mean; 0 = not measured
 };
 
 // 8-bit grey of any picture (8- or 16-bit, grey or BGR) in which a board's squares stand apart: 16-bit
-// pictures (amplitude, infrared) by the root of their values over the 99.7th percentile.
+// pictures (amplitude, infrared) by the root of their values over the 99.7th percentile, dark 8-bit ones by
+// their values over it.
 [[nodiscard]] cv::Mat1b ForDetection(const cv::Mat& picture);
 
 // Whole boards, each at most once, larger ones first. `enlarge` (1..4): the search runs on the picture that

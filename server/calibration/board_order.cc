@@ -106,6 +106,7 @@ bool PatternGoesOn(const cv::Mat1b& picture, const Board& board, const Grid& gri
     double odd = 0;
     int n = 0;
     double inside = 0;
+    int alike = 0;
     for (int i = 0; i + 1 < count; i += 1) {
       const auto [outer_c, outer_r, inner_c, inner_r] = square(i);
       const auto outer = grid.Brightness(picture, outer_c, outer_r);
@@ -114,9 +115,13 @@ bool PatternGoesOn(const cv::Mat1b& picture, const Board& board, const Grid& gri
       const double sign = ((outer_c + outer_r) % 2 == 0) == (even_black > 0) ? -1 : 1;
       (sign < 0 ? even : odd) += *outer;
       inside += sign * *inner * (((inner_c + inner_r) - (outer_c + outer_r)) % 2 == 0 ? 1 : -1);
+      // Nearer to the colour it would have than to its neighbour's?
+      const auto next = grid.Brightness(picture, inner_c + (inner_c == outer_c ? (i == 0 ? 1 : -1) : 0),
+                                        inner_r + (inner_r == outer_r ? (i == 0 ? 1 : -1) : 0));
+      alike += next && std::abs(*outer - *inner) < std::abs(*outer - *next);
       ++n;
     }
-    if (n < 2) return false;
+    if (n < 3 || alike < 0.8 * n) return false;  // what stands beside a board alternates by chance only
     return (odd - even) > 0.5 * inside && inside > 0;
   };
   const int c = board.columns;

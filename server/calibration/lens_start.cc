@@ -94,8 +94,8 @@ BoardScene OneCamera(const Lens& lens, const std::vector<Board>& boards,
   return scene;
 }
 
-// Median over the sightings of their rms distance; infinite where most have no pose.
-double MedianRms(BoardScene& scene) {
+// Of every sighting, rising; infinite where it has no pose.
+std::vector<double> SortedRms(const BoardScene& scene) {
   std::vector<double> rms;
   for (const SceneSighting& s : scene.sightings) {
     double sum = 0;
@@ -106,8 +106,25 @@ double MedianRms(BoardScene& scene) {
     }
     rms.push_back(scene.Used(s) ? std::sqrt(sum) : std::numeric_limits<double>::infinity());
   }
-  std::nth_element(rms.begin(), rms.begin() + static_cast<std::ptrdiff_t>(rms.size() / 2), rms.end());
+  std::sort(rms.begin(), rms.end());
+  return rms;
+}
+
+double MedianRms(const BoardScene& scene) {
+  const auto rms = SortedRms(scene);
   return rms[rms.size() / 2];
+}
+
+// Of the sightings within three times their median.
+double RmsWithoutOutliers(const BoardScene& scene) {
+  const auto rms = SortedRms(scene);
+  double sum = 0, n = 0;
+  for (const double r : rms) {
+    if (r > 3 * rms[rms.size() / 2]) break;
+    sum += r * r;
+    ++n;
+  }
+  return n > 0 ? std::sqrt(sum / n) : std::numeric_limits<double>::infinity();
 }
 
 Result<LensStart> StartFisheye(const Lens& guess, const std::vector<Board>& boards,
@@ -141,7 +158,7 @@ Result<LensStart> StartFisheye(const Lens& guess, const std::vector<Board>& boar
   scene = OneCamera(scene.cameras[0].lens, boards, sightings);  // boards that the first guess turned over
   scene.cameras[0].lens.free = guess.free;
   if (auto ok = AdjustJointly(scene); !ok) return tl::unexpected(ok.error());
-  LensStart start{scene.cameras[0].lens, MedianRms(scene), static_cast<int>(sightings.size())};
+  LensStart start{scene.cameras[0].lens, RmsWithoutOutliers(scene), static_cast<int>(sightings.size())};
   start.lens.max_angle_rad = guess.max_angle_rad;
   if (!(start.lens.numbers[0] > 0 && start.lens.numbers[1] > 0) || !(start.rms_px < 0.02 * guess.width))
     return Fail(ErrorCode::kQualityGate, "no fisheye lens fits these boards");
@@ -153,11 +170,34 @@ Result<LensStart> StartFisheye(const Lens& guess, const std::vector<Board>& boar
 Result<LensStart> StartLens(const Lens& guess, const std::vector<Board>& boards,
                             const std::vector<BoardSighting>& sightings) {
   std::vector<const BoardSighting*> whole;
+  std::vector<BoardSighting> by_gradient;
   for (const BoardSighting& s : sightings) {
-    if (static_cast<int>(s.corners.size()) == boards[s.board].corners()) whole.push_back(&s);
+    if (static_cast<int>(s.corners.size()) != boards[s.board].corners()) continue;
+    whole.push_back(&s);
+    if (s.gradient_pixels.size() != s.pixels.size()) continue;
+    by_gradient.push_back(s);
+    by_gradient.back().pixels = s.gradient_pixels;
   }
-  return guess.kind == LensKind::kPinhole ? StartPinhole(guess, boards, whole)
-                                          : StartFisheye(guess, boards, whole);
+  const auto start = [&](const std::vector<const BoardSighting*>& with) {
+    return guess.kind == LensKind::kPinhole ? StartPinhole(guess, boards, with)
+                                            : StartFisheye(guess, boards, with);
+  };
+  auto saddle = start(whole);
+  if (!saddle || by_gradient.size() != whole.size()) return saddle;
+  std::vector<const BoardSighting*> others;
+  for (const BoardSighting& s : by_gradient) others.push_back(&s);
+  auto gradient = start(others);
+  if (!gradient || gradient->sightings < saddle->sightings || gradient->rms_px > 0.98 * saddle->rms_px)
+    return saddle;
+  gradient->corners = CornerKind::kGradient;
+  return gradient;
+}
+
+void UseCorners(BoardScene& scene, std::size_t camera, CornerKind kind) {
+  if (kind == CornerKind::kSaddle) return;
+  for (SceneSighting& s : scene.sightings)
+    if (s.camera == camera && s.corners.gradient_pixels.size() == s.corners.pixels.size())
+      s.corners.pixels = s.corners.gradient_pixels;
 }
 
 Lens AssumedLens(LensKind kind, int width_px, int height_px) {

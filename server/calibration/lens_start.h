@@ -13,10 +13,16 @@
 
 namespace mixstage {
 
+enum class CornerKind {
+  kSaddle = 1,  // BoardSighting::pixels
+  kGradient,    // BoardSighting::gradient_pixels
+};
+
 struct LensStart {
   Lens lens;
   double rms_px = 0;  // of the sightings it rests on
   int sightings = 0;
+  CornerKind corners = CornerKind::kSaddle;  // which of them fit a lens better, by 2 % or more
 };
 
 // From whole boards; at least 3. `guess` has the kind, the size and the numbers to be estimated; its numbers
@@ -24,6 +30,9 @@ struct LensStart {
 // none of the starts fits.
 Result<LensStart> StartLens(const Lens& guess, const std::vector<Board>& boards,
                             const std::vector<BoardSighting>& sightings);
+
+// Makes the scene's corners of a camera those that its start chose.
+void UseCorners(BoardScene& scene, std::size_t camera, CornerKind kind);
 
 // What is assumed of a camera without a data sheet: a pinhole of 60 degrees, or a fisheye whose picture's
 // smaller side spans 190 degrees; principal point in the centre, no distortion.

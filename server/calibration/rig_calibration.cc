@@ -33,6 +33,7 @@ void StartLenses(RigCalibration& c) {
     auto start = StartLens(camera.lens, c.scene.boards, sightings);
     if (start) {
       camera.lens = start->lens;
+      UseCorners(c.scene, i, start->corners);
       continue;
     }
     c.warnings.push_back(camera.name + ": " + start.error().message);
