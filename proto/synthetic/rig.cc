@@ -33,8 +33,6 @@ PinholeCamera ColorCamera() {
   c.cy = 381.2;
   c.k1 = -0.08;
   c.k2 = 0.03;
-  c.p1 = 0.0004;
-  c.p2 = -0.0003;
   return c;
 }
 

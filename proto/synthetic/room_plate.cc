@@ -15,7 +15,6 @@ using Eigen::Vector3d;
 using Eigen::Vector3f;
 
 constexpr int kWindowRays = 4, kSoftboxRays = 3, kBounceRays = 4;
-constexpr int kSamples = 4;  // per pixel, on a turned grid
 
 // Light that varies slowly over a surface, at every second pixel; noisy until it is filtered.
 struct LightSample {
@@ -29,8 +28,12 @@ struct LightSample {
 class PlateRenderer {
  public:
   PlateRenderer(const Room& room, const RoomLight& light, const PlateLens& lens,
-                const RigidTransform& T_world_camera)
-      : room_(room), light_(light), lens_(lens), T_world_camera_(T_world_camera) {
+                const RigidTransform& T_world_camera, PlateRays rays)
+      : room_(room),
+        light_(light),
+        lens_(lens),
+        T_world_camera_(T_world_camera),
+        samples_per_pixel_(static_cast<int>(rays)) {
     plate_.width = lens.width;
     plate_.height = lens.height;
     plate_.padded_width = (plate_.width + kTile - 1) / kTile * kTile;
@@ -263,14 +266,14 @@ class PlateRenderer {
   }
 
   void ShadePixel(int u, int v) {
-    constexpr double kGrid[kSamples][2] = {
-        {-0.375, -0.125}, {0.125, -0.375}, {0.375, 0.125}, {-0.125, 0.375}};
+    constexpr double kGrid[4][2] = {{-0.375, -0.125}, {0.125, -0.375}, {0.375, 0.125}, {-0.125, 0.375}};
     Vector3f window = Vector3f::Zero();
     Vector3f softbox = Vector3f::Zero();
     Vector3f rest = Vector3f::Zero();
-    for (int k = 0; k < kSamples; ++k) {
-      const double us = std::max(0.0, u + kGrid[k][0]);
-      const double vs = std::max(0.0, v + kGrid[k][1]);
+    const int n = samples_per_pixel_;
+    for (int k = 0; k < n; ++k) {
+      const double us = n == 1 ? u : std::max(0.0, u + kGrid[k][0]);
+      const double vs = n == 1 ? v : std::max(0.0, v + kGrid[k][1]);
       const int x = static_cast<int>(0.5 * us);
       const int y = static_cast<int>(0.5 * vs);
       const bool one_face = OnOneFace(x, y);
@@ -293,13 +296,13 @@ class PlateRenderer {
       window += l.window * l.window_unit * material.albedo.cwiseProduct(light_.window().radiance);
       softbox += l.softbox * l.softbox_unit * material.albedo.cwiseProduct(light_.softbox().radiance);
       rest += material.albedo.cwiseProduct(l.rest);
-      if (material.gloss > 0 && k == (u + 2 * v) % kSamples) {  // one mirror ray a pixel
+      if (material.gloss > 0 && k == (u + 2 * v) % n) {  // one mirror ray a pixel
         const std::uint32_t seed = Mix(static_cast<std::uint32_t>(u), static_cast<std::uint32_t>(v));
         ray.direction.normalize();
-        rest += kSamples * Mirrored(ray, found, p, material.gloss, seed);
+        rest += n * Mirrored(ray, found, p, material.gloss, seed);
       }
     }
-    const float gain = plate_.vignette(v, u) / kSamples;
+    const float gain = plate_.vignette(v, u) / static_cast<float>(n);
     for (int c = 0; c < 3; ++c) {
       plate_.window[c](v, u) = gain * window[c];
       plate_.softbox[c](v, u) = gain * softbox[c];
@@ -334,6 +337,7 @@ class PlateRenderer {
   const RoomLight& light_;
   const PlateLens& lens_;
   const RigidTransform T_world_camera_;
+  const int samples_per_pixel_;
   RoomPlate plate_;
   int grid_width_ = 0, grid_height_ = 0;
   std::vector<LightSample> samples_;
@@ -357,8 +361,8 @@ Vector3d RoomPlate::RayAt(double u, double v) const {
 }
 
 RoomPlate RenderRoomPlate(const Room& room, const RoomLight& light, const PlateLens& lens,
-                          const RigidTransform& T_world_camera) {
-  return PlateRenderer(room, light, lens, T_world_camera).Run();
+                          const RigidTransform& T_world_camera, PlateRays rays) {
+  return PlateRenderer(room, light, lens, T_world_camera, rays).Run();
 }
 
 }  // namespace mixstage

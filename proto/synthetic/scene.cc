@@ -38,7 +38,7 @@ struct SyntheticScene::Impl {
       // A head that shows the set keeps no plate beside its pictures.
       return color.emplace(RenderRoomPlate(room, light, lens, T_world_color), rig.color, T_world_color);
     }
-    if (!bare_color) bare_color = RenderRoomPlate(room, light, lens, T_world_color);
+    if (!bare_color) bare_color = RenderRoomPlate(room, light, lens, T_world_color, PlateRays::kOne);
     return color.emplace(WithBoards(*bare_color), rig.color, T_world_color);
   }
   TofView& Tof() {
