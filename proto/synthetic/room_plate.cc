@@ -90,10 +90,11 @@ class PlateRenderer {
         const std::uint32_t seed = Mix(static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(j));
         s.window_unit = UnitIrradiance(light_.window(), p, found.normal);
         s.softbox_unit = UnitIrradiance(light_.softbox(), p, found.normal);
-        s.window = light_.Visibility(light_.window(), p, found.normal, kWindowRays, seed);
-        s.softbox = light_.Visibility(light_.softbox(), p, found.normal, kSoftboxRays, Mix(seed, 1));
+        auto rays = [&](int most) { return samples_per_pixel_ == 1 ? 1 : most; };
+        s.window = light_.Visibility(light_.window(), p, found.normal, rays(kWindowRays), seed);
+        s.softbox = light_.Visibility(light_.softbox(), p, found.normal, rays(kSoftboxRays), Mix(seed, 1));
         if (HasRest(i, j)) {
-          s.rest = light_.Bounced(p, found.normal, kBounceRays, Mix(seed, 2)) +
+          s.rest = light_.Bounced(p, found.normal, rays(kBounceRays), Mix(seed, 2)) +
                    light_.Lamp(p, found.normal, Mix(seed, 3));
         }
       }

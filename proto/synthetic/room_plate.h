@@ -38,11 +38,11 @@ struct RoomPlate {
 };
 
 enum class PlateRays {
-  kOne = 1,   // a pixel: for a room behind boards, at which nobody looks
+  kOne = 1,   // a pixel, light in the rough: for a room behind boards, at which nobody looks
   kFour = 4,  // edges and textures without stairs
 };
 
-// About a second on two cores for 1024x768 with four rays, half of it with one.
+// About a second on two cores for 1024x768 with four rays, a third of it with one.
 RoomPlate RenderRoomPlate(const Room& room, const RoomLight& light, const PlateLens& lens,
                           const RigidTransform& T_world_camera, PlateRays rays = PlateRays::kFour);
 

@@ -100,7 +100,7 @@ std::vector<SyntheticView> CalibrationViews(const Rig& rig) {
 }
 
 std::vector<SyntheticView> HandEyeViews(const Rig& rig) {
-  // On tripods left and right of the head, and one straight on.
+  // On tripods left and right before the head: one of them is seen over most of its way.
   const Vector3d viewer = SyntheticTWorldColor(rig).translation();
   auto standing = [&](const Checkerboard& board, double azimuth_deg, double distance_m, double height_m,
                       const Turn& turn) {
@@ -109,10 +109,11 @@ std::vector<SyntheticView> HandEyeViews(const Rig& rig) {
                           height_m);
     return StandingBoard{board, Facing(board, center, viewer, turn)};
   };
-  const std::vector<StandingBoard> boards = {standing(kBoardA, 22, 2.1, 1.2, {8, -14, 0}),
-                                             standing(kBoardB, -6, 2.4, 1.15, {-10, 18, 0})};
-  constexpr double kPositions[][2] = {{0, 0},   {-16, 10}, {-26, 2}, {-24, -10}, {-10, -8}, {4, 14},
-                                      {14, -9}, {24, 8},   {26, -4}, {10, 10},   {-4, -12}, {18, 15}};
+  const std::vector<StandingBoard> boards = {standing(kBoardA, 27, 2.5, 1.25, {8, -14, 0}),
+                                             standing(kBoardB, -7, 2.5, 1.25, {-10, 18, 0})};
+  constexpr double kPositions[][2] = {{0, 0},    {0, 15},    {-1, -10}, {-16, 8}, {-30, 15},
+                                      {-34, -3}, {-22, -10}, {-12, 18}, {15, -9}, {30, -10},
+                                      {34, 4},   {23, 16},   {10, 5},   {-26, 3}};
   std::vector<SyntheticView> views;
   for (const auto& [pan_deg, tilt_deg] : kPositions)
     views.push_back({pan_deg, tilt_deg, boards, RecordedBy::kColorAndDepth});

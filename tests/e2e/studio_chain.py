@@ -58,7 +58,7 @@ def room():
         with Studio(BUILD) as studio:
             agent = studio.agent("synthetic:empty")
             program(SERVER, "--log-level", "warn", "scan", "--live", "--lcm", studio.lcm, "--rig", calibrated(), "--out", folder,
-                    "--pan", "-44:44", "--tilt", "-32:32")
+                    "--pan", "-44:44", "--tilt", "-25:25")
             assert agent.poll() is None, agent.stderr.read()
     return folder
 
@@ -134,7 +134,8 @@ def the_head_scans_its_room():
 
 
 def the_room_is_where_it_is():
-    """What the room predicts for the camera at rest, against the exact depth of the empty set."""
+    """What the room predicts for the camera at rest, against the exact depth of the empty set (the window's glass too, which
+    gives a time-of-flight camera little light)."""
     if "--environment" not in program(SERVER, "process", "--help"):
         raise Skip("process knows no --environment")
     take = OUT / "take"
@@ -143,7 +144,7 @@ def the_room_is_where_it_is():
     program(SERVER, "--log-level", "error", "process", "--take", take, "--rig", calibrated(), "--environment", room(), "--out", OUT / "process",
             "--export", "predicted,report", "--json")
     score = evaluate("evaluate_depth.py", OUT / "process" / "predicted_depth", take / "truth" / "depth")
-    assert score["median_abs_mm"] <= 10 and score["p95_abs_mm"] <= 40 and score["completeness"] >= 0.97, score
+    assert score["median_abs_mm"] <= 3 and score["p95_abs_mm"] <= 100 and score["completeness"] >= 0.97, score
     return f'median {score["median_abs_mm"]:.1f} mm, p95 {score["p95_abs_mm"]:.1f} mm, complete {score["completeness"]:.3f}'
 
 
