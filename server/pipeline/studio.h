@@ -35,7 +35,7 @@ struct StudioSetup {
   Rig rig;
   std::optional<Scene> scene;
   std::vector<PoseSample> poses;  // --poses: T_world_color by the take's time; empty = none
-  std::optional<ScannedRoom> scanned;
+  std::optional<ScannedRoom> scanned{};
   int learn_frames = 30;  // L of piVE eq (1)
   RenderDevice device;    // what depth, room and CG are drawn with
 };
