@@ -9,6 +9,7 @@
 #   unit     C++, release build by GCC       data     recordings, where there are any
 #   page     TypeScript                      browser  the page in Chromium
 #   e2e      real programs, real sockets     soak     1,000 pictures with a restless crowd of viewers
+#   chain    the synthetic rig calibrated, its room scanned and keyed against
 #
 # By name alone, for they need a second build by Clang:
 #   asan     the unit tests under ASan and UBSan
@@ -19,9 +20,9 @@ set -uo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$root"
 filter=${1:-}
-case $filter in -h | --help) sed -n '3,18s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; exit 0 ;; esac
+case $filter in -h | --help) sed -n '3,19s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; exit 0 ;; esac
 
-parts=(repo unit page e2e loss data browser soak)
+parts=(repo unit page e2e chain loss data browser soak)
 case $filter in asan | fuzz) parts=("$filter") ;; esac
 chosen=() gtest_filter='*'
 for part in "${parts[@]}"; do [[ $part == *"$filter"* ]] && chosen+=("$part"); done
@@ -61,6 +62,7 @@ for part in "${chosen[@]}"; do
     unit) tally unit tests/support/run_gtest.py build/tests/mixstage_tests "$gtest_filter" ;;
     page) tally page tests/support/run_page_tests.sh ;;
     e2e) tally e2e python3 tests/e2e/run.py build; tally meshes /usr/bin/python3 tests/e2e/meshes.py build ;;
+    chain) tally chain python3 tests/e2e/studio_chain.py build ;;
     loss) tally loss python3 tests/e2e/loss.py build ;;
     data) tally data python3 tests/e2e/recordings.py build; tally calibration python3 tests/e2e/calibration.py build
       tally scan python3 tests/e2e/scan.py build
