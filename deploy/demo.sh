@@ -62,7 +62,7 @@ prepare_studio() {
   "${mixstage_agent[@]}" --source synthetic:empty >&2 & started+=($!)
   "${mixstage_server[@]}" scan --live --lcm "$lcm" --rig "$studio/rig.json" --out "$studio/room" --pan -44:44 --tilt -25:25 >&2
   stop
-  echo "3 of 3: the show ($((SECONDS - since)) s so far); reports: $studio/report.html, $studio/room/report.json" >&2
+  echo "3 of 3: the show ($((SECONDS - since)) s so far); reports: $studio/report.html, $studio/room/report.html" >&2
 }
 if [ -n "$take" ]; then
   server+=(--rig "$take")
