@@ -5,9 +5,15 @@
 #include <utility>
 
 #include "server/app/room_file.h"
+#include "server/environment/panorama_texture.h"
 #include "server/ingest/take_ingest.h"
 
 namespace mixstage {
+namespace {
+
+constexpr std::size_t kMostTriangles = 400'000;
+
+}  // namespace
 
 Result<OpenedEnvironment> OpenEnvironment(const std::filesystem::path& folder) {
   auto parsed = ReadEnvironment(folder);
@@ -18,6 +24,7 @@ Result<OpenedEnvironment> OpenEnvironment(const std::filesystem::path& folder) {
   opened.environment = std::move(parsed->environment);
   for (const std::string& warning : parsed->warnings)
     opened.warnings.push_back((folder / "environment.json").string() + ": " + warning);
+  SplitForPanorama(opened.environment.panorama, kMostTriangles, *model);
   opened.how = "environment, " + std::to_string(model->triangle_count()) + " triangles";
   opened.room = {.model = std::move(*model),
                  .doubt = {.registration_px = static_cast<float>(opened.environment.registration_px),
