@@ -111,15 +111,17 @@ int Spread(SurfaceNodes& nodes, const std::vector<std::uint8_t>& wanted) {
         takes.emplace_back(at, i);
       }
     }
-    // Of several the room's plane comes first: it surely goes on; then the farther one: what is near ends at
-    // an edge.
+    // Of several the room's planes come first, they surely go on, and of two the nearer hides the other; of
+    // things the farther: what is near ends at an edge.
     std::sort(takes.begin(), takes.end(), [&](const auto& a, const auto& b) {
       if (a.first != b.first) return a.first < b.first;
       const auto ia = static_cast<std::size_t>(a.second), ib = static_cast<std::size_t>(b.second);
       const bool pa = nodes.room_plane[ia] >= 0, pb = nodes.room_plane[ib] >= 0;
       if (pa != pb) return pa;
-      const float ra = nodes.plane[ia].dot(nodes.ray[ia]), rb = nodes.plane[ib].dot(nodes.ray[ib]);
-      return ra != rb ? ra < rb : a.second < b.second;
+      const Eigen::Vector3f& ray = nodes.ray[static_cast<std::size_t>(a.first)];
+      const float ra = nodes.plane[ia].dot(ray), rb = nodes.plane[ib].dot(ray);
+      if (ra == rb) return a.second < b.second;
+      return pa ? ra > rb : ra < rb;
     });
     for (const auto& [to, from] : takes) {
       const auto t = static_cast<std::size_t>(to), f = static_cast<std::size_t>(from);
@@ -127,7 +129,7 @@ int Spread(SurfaceNodes& nodes, const std::vector<std::uint8_t>& wanted) {
       const auto o = static_cast<std::size_t>(origin[f]);
       // A wall surely goes on; of a cupboard a few tens of degrees of noise may be all that is known of its
       // slant.
-      constexpr float kRoom = 2, kThing = 1.15f;
+      constexpr float kRoom = 1.4f, kThing = 1.15f;
       const Eigen::Vector3f plane =
           GoOn(nodes.plane[o], nodes.ray[o], nodes.ray[t], nodes.room_plane[o] >= 0 ? kRoom : kThing);
       origin[t] = origin[f];

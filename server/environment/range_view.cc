@@ -266,6 +266,12 @@ void ResolveWraps(cv::Mat1f& range_m, const cv::Mat1f& sigma_m, const cv::Mat1f&
       };
       if (cost(n) < cost(static_cast<std::size_t>(more))) more = static_cast<int>(n);
     }
+    constexpr int kTell =
+        30;  // pixels: of a smaller dark thing light and noise do not tell whether it is far
+    if (more > 0 && s.pixels < kTell) {
+      r = 0;
+      continue;
+    }
     const int all = (i == root ? 0 : turns[static_cast<std::size_t>(i)]) - s.least_turns + more;
     r += static_cast<float>(all) * wrap_m;
   }
