@@ -156,8 +156,7 @@ int FillNodes(SurfaceNodes& nodes, const std::vector<std::uint8_t>& wanted) {
   return FillHoles(nodes, open) + Spread(nodes, wanted);
 }
 
-DenseSurface MakeDense(const SurfaceNodes& nodes, const FusedDepth& fused, const PanoramaGrid& grid,
-                       const cv::Mat3f& guide, const std::vector<Eigen::Vector3f>& node_color) {
+DenseSurface MakeDense(const SurfaceNodes& nodes, const FusedDepth& fused, const PanoramaGrid& grid) {
   DenseSurface dense;
   dense.inverse_range = cv::Mat1f::zeros(grid.height(), grid.width());
   dense.node = cv::Mat1i(grid.height(), grid.width(), -1);
@@ -183,12 +182,6 @@ DenseSurface MakeDense(const SurfaceNodes& nodes, const FusedDepth& fused, const
             const float off_x = (static_cast<float>(x - (nx + dx) * nodes.step) + 0.5f) / step - 0.5f;
             const float off_y = (static_cast<float>(y - (ny + dy) * nodes.step) + 0.5f) / step - 0.5f;
             c.score = std::exp(-(off_x * off_x + off_y * off_y) / (2 * 0.6f * 0.6f));
-            if (!guide.empty()) {
-              constexpr float kColorSigma = 0.06f;
-              const cv::Vec3f own = guide(y, x);
-              const float d2 = (Eigen::Vector3f(own[0], own[1], own[2]) - node_color[j]).squaredNorm();
-              c.score *= 0.02f + std::exp(-d2 / (2 * kColorSigma * kColorSigma));
-            }
             if (fused.inverse_range(y, x) > 0) {
               const float e = (c.inverse_range - fused.inverse_range(y, x)) / fused.sigma(y, x);
               c.score *= std::exp(-0.5f * std::min(e * e, 12.f));

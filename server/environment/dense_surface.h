@@ -24,7 +24,6 @@ struct DenseSurface {
 // nodes of its own colour, planes that meet what was measured there. Where two of the room's planes meet, the
 // edge is their intersection. guide [h x w], node_color [node]: linear light, root of it; both empty = no
 // colour.
-DenseSurface MakeDense(const SurfaceNodes& nodes, const FusedDepth& fused, const PanoramaGrid& grid,
-                       const cv::Mat3f& guide, const std::vector<Eigen::Vector3f>& node_color);
+DenseSurface MakeDense(const SurfaceNodes& nodes, const FusedDepth& fused, const PanoramaGrid& grid);
 
 }  // namespace mixstage

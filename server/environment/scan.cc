@@ -111,9 +111,9 @@ Surface BuildSurface(const std::vector<LoadedView>& views, const std::vector<Rig
   Surface s{grid, Fuse(patches, grid), {}, {}};
   s.nodes = MakeNodes(s.fused, grid, layout.node_step);
   DropIslands(s.nodes);
-  FitPlanes(s.nodes, {});
+  FitPlanes(s.nodes);
   s.planes = GrowPlanes(s.nodes, {});
-  FitPlanes(s.nodes, {});
+  FitPlanes(s.nodes);
   return s;
 }
 
@@ -328,7 +328,7 @@ Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<
   step("color");
   std::vector<ColorView> color_views;
   for (std::size_t i = 0; i < views.size(); ++i) color_views.push_back({views[i].bgr, poses[i]});
-  DenseSurface dense = MakeDense(surface.nodes, surface.fused, grid, {}, {});
+  DenseSurface dense = MakeDense(surface.nodes, surface.fused, grid);
   SurfaceMesh mesh = MakeSurfaceMesh(dense, surface.nodes, grid, {});
   auto occlusions = FindOcclusions(mesh, rig.color, color_views);
   if (!occlusions) return tl::unexpected(occlusions.error());

@@ -27,8 +27,7 @@ struct Neighbor {
 
 class Fitter {
  public:
-  Fitter(SurfaceNodes& nodes, const std::vector<Eigen::Vector3f>& color) : n_(nodes), color_(color) {
-    MIX_CHECK(color.empty() || color.size() == n_.ray.size());
+  explicit Fitter(SurfaceNodes& nodes) : n_(nodes) {
     for (int dy = -kRadius; dy <= kRadius; ++dy) {
       for (int dx = -kRadius; dx <= kRadius; ++dx) {
         const auto d2 = static_cast<float>(dx * dx + dy * dy);
@@ -66,20 +65,14 @@ class Fitter {
   }
 
   std::size_t Around(int x, int y, int radius, std::array<Neighbor, 81>& around) const {
-    const auto i = static_cast<std::size_t>(y * n_.width + x);
     std::size_t count = 0;
     for (int dy = -radius; dy <= radius; ++dy) {
       for (int dx = -radius; dx <= radius; ++dx) {
         const int at = n_.At(x + dx, y + dy);
         if (at < 0 || n_.inverse_range[static_cast<std::size_t>(at)] == 0) continue;
         if (n_.room_plane[static_cast<std::size_t>(at)] >= 0) continue;
-        float weight = spatial_[static_cast<std::size_t>((dy + kRadius) * (2 * kRadius + 1) + dx + kRadius)];
-        if (!color_.empty()) {
-          // Luminance counts in ratios: light falls off over one wall, too.
-          constexpr float kColorSigma = 0.12f;
-          const float d2 = (color_[static_cast<std::size_t>(at)] - color_[i]).squaredNorm();
-          weight *= 0.15f + 0.85f * std::exp(-d2 / (2 * kColorSigma * kColorSigma));
-        }
+        const float weight =
+            spatial_[static_cast<std::size_t>((dy + kRadius) * (2 * kRadius + 1) + dx + kRadius)];
         around[count++] = {at, weight};
       }
     }
@@ -179,7 +172,6 @@ class Fitter {
   }
 
   SurfaceNodes& n_;
-  const std::vector<Eigen::Vector3f>& color_;
   std::vector<Eigen::Vector4f> row_;  // m . ray = inverse range, over sigma
   std::array<float, 81> spatial_{};
   std::vector<std::uint8_t> supported_;
@@ -264,6 +256,6 @@ void DropIslands(SurfaceNodes& nodes) {
   }
 }
 
-void FitPlanes(SurfaceNodes& nodes, const std::vector<Eigen::Vector3f>& color) { Fitter(nodes, color).Run(); }
+void FitPlanes(SurfaceNodes& nodes) { Fitter(nodes).Run(); }
 
 }  // namespace mixstage

@@ -48,7 +48,6 @@ void DropIslands(SurfaceNodes& nodes);
 // neighbours that fit them better than their own, so that near and far side of a step each keep to
 // themselves; a thin thing keeps its own depth, a lone node that nothing supports takes its neighbours'.
 // Nodes on a plane of the room (room_plane) stay as they are and teach nobody.
-// color [node]: guide; empty = none. Neighbours of another colour count less.
-void FitPlanes(SurfaceNodes& nodes, const std::vector<Eigen::Vector3f>& color);
+void FitPlanes(SurfaceNodes& nodes);
 
 }  // namespace mixstage

@@ -25,11 +25,10 @@ struct SurfaceMesh {
   std::vector<std::uint32_t> indices;      // counter-clockwise seen from the panorama's centre
 };
 
-// A cell whose corners lie on several surfaces ends the nearest in its middle and goes on with the others
-// behind it, as far as a camera may look behind the edge (skirt_rad, seen from the centre). Corners are
-// reduced in the space of column, row and log of range: there a triangle that stays within `error` keeps its
-// place, its range and its place in the texture at once, which three dimensions alone would not (a wall is
-// flat, the texture on it is not).
+// A cell whose corners lie on several surfaces ends the nearest in its middle and fills it
+// with the farthest. Corners are reduced in the space of column, row and log of range: there a triangle that
+// stays within `error` keeps its place, its range and its place in the texture at once, which three
+// dimensions alone would not (a wall is flat, the texture on it is not).
 SurfaceMesh MakeSurfaceMesh(const DenseSurface& dense, const SurfaceNodes& nodes, const PanoramaGrid& grid,
                             const SurfaceMeshConfig& config);
 

@@ -61,11 +61,11 @@ const Scanned& ScannedRoom() {
     }
     Scanned s{room, grid, Fuse(patches, grid), {}, {}, {}, {}};
     s.nodes = MakeNodes(s.fused, grid, kNodeStep);
-    FitPlanes(s.nodes, {});
+    FitPlanes(s.nodes);
     s.planes = GrowPlanes(s.nodes, {});
-    FitPlanes(s.nodes, {});
+    FitPlanes(s.nodes);
     FillNodes(s.nodes, std::vector<std::uint8_t>(s.nodes.ray.size(), 1));
-    s.dense = MakeDense(s.nodes, s.fused, grid, {}, {});
+    s.dense = MakeDense(s.nodes, s.fused, grid);
     s.mesh = MakeSurfaceMesh(s.dense, s.nodes, grid, {});
     return s;
   }();
