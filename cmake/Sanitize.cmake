@@ -9,6 +9,9 @@ if(NOT CMAKE_CXX_COMPILER_ID STREQUAL "Clang")
   message(FATAL_ERROR "MIXSTAGE_SANITIZE needs Clang: cmake --preset asan, or tsan")
 endif()
 set(CMAKE_BUILD_TYPE Sanitize)
+# Folders whose time goes into templates of Asio and JSON, not into pictures, and the tests: optimising them makes Clang
+# slow and nothing fast.
+set(MIXSTAGE_UNOPTIMISED server/delivery server/pipeline server/app viewer_client/native tests)
 add_compile_options(-O1 -gline-tables-only -fno-omit-frame-pointer)
 add_compile_definitions("HWY_DISABLED_TARGETS=(HWY_AVX3_DL|HWY_AVX3|HWY_SSE4|HWY_SSSE3)")
 if(MIXSTAGE_SANITIZE STREQUAL "address")

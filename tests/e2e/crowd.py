@@ -65,7 +65,7 @@ class Crowd:
                 s.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
                 self.leave(s, "cut off")
             elif action == "subscribe":
-                streams = self.dice.choice(['"color"', '"depth"', '"color","depth"', ""])
+                streams = self.dice.choice(['"color"', '"depth"', '"color","depth"', '"mesh"', '"color","depth","mesh"', ""])
                 s.send(frame(1, ('{"type":"subscribe","streams":[%s]}' % streams).encode()))
             else:
                 s.send(frame(1, b'{"type":"keyframe"}' if action == "keyframe" else b'{"type":"ping","viewer_us":1}'))
