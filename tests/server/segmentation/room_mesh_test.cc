@@ -70,7 +70,7 @@ TEST(RoomMesh, IsTornAtAStepAndNotOnASlope) {
 TEST(RoomMesh, AHoleStaysAHoleAndTheBoundIsKept) {
   cv::Mat1f depth_m(96, 128, 4.0f);
   depth_m(cv::Rect(50, 30, 20, 20)).setTo(0);
-  for (const std::size_t max_triangles : {60'000, 6000, 100}) {
+  for (const std::size_t max_triangles : {std::size_t{60'000}, std::size_t{6000}, std::size_t{100}}) {
     const PictureMesh mesh =
         MakeRoomMesh(Room(depth_m), Lens(), RigidTransform::Identity(), {.max_triangles = max_triangles});
     EXPECT_LE(mesh.indices.size() / 3, max_triangles);

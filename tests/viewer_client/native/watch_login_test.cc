@@ -111,7 +111,6 @@ TEST(WatchLogin, ATokenDoesNoHarmWhereNoneIsAsked) {
   Gateway gateway({.listen = "127.0.0.1:0"});
   ASSERT_TRUE(gateway.Start());
   gateway.SetHello({.name = "open", .server_us = 0, .streams = {}});
-  std::atomic<int> connected = 0;
   const Watcher watcher({.url = Url("http", gateway.port()), .token = kToken});
   EXPECT_TRUE(Eventually([&] { return watcher.connected == 1; })) << watcher.why();
 }
