@@ -20,12 +20,6 @@
 namespace mixstage {
 namespace {
 
-#if defined(__SANITIZE_ADDRESS__)
-constexpr bool kLimitsAddressSpace = false;  // the sanitizer maps terabytes
-#else
-constexpr bool kLimitsAddressSpace = true;
-#endif
-
 #if defined(__x86_64__)
 constexpr std::uint32_t kArchitecture = AUDIT_ARCH_X86_64;
 #elif defined(__aarch64__)

@@ -10,6 +10,17 @@
 
 namespace mixstage {
 
+// False under AddressSanitizer, which maps terabytes.
+#if defined(__has_feature)
+#if __has_feature(address_sanitizer)
+inline constexpr bool kLimitsAddressSpace = false;
+#else
+inline constexpr bool kLimitsAddressSpace = true;
+#endif
+#else
+inline constexpr bool kLimitsAddressSpace = true;
+#endif
+
 struct Confinement {
   std::uint64_t memory_bytes = 0;    // of address space
   unsigned cpu_seconds = 0;          // then SIGXCPU, a second later SIGKILL

@@ -12,6 +12,7 @@
 #include <random>
 #include <thread>
 
+#include "server/scene/confine.h"
 #include "server/scene/model_wire.h"
 #include "tests/server/scene/test_models.h"
 
@@ -175,9 +176,7 @@ TEST(ModelProcess, BombsAreOneLineOrHarmless) {
 }
 
 TEST(ModelProcess, AModelBeyondItsMemoryIsRefusedByTheLimit) {
-#if defined(__SANITIZE_ADDRESS__)
-  GTEST_SKIP() << "the sanitizer needs the address space";
-#endif
+  if (!kLimitsAddressSpace) GTEST_SKIP() << "the sanitizer needs the address space";
   const test::TemporaryFolder folder;
   std::string obj;
   for (int i = 0; i < 600'000; ++i)
