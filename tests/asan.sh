@@ -8,6 +8,6 @@ set -uo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 case ${1:-} in -h | --help) sed -n '3,6s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; exit 0 ;; esac
 tests/sanitize/build.sh asan mixstage_tests || exit 1
-all='*-SyntheticScene.*:RoundCone.*:Figure*:TofView.*:UnprojectionTable.*:RoomDepthProbe.*:EglGridScanTest.Synthetic*'
+all='*-SyntheticScene.*:RoundCone.*:Figure*:TofView.*:UnprojectionTable.*'
 export UBSAN_OPTIONS=print_stacktrace=1 LSAN_OPTIONS=suppressions=tests/sanitize/leaks.txt:print_suppressions=0
 tests/support/run_gtest.py --shards 2 --prefix asan. build-asan/tests/mixstage_tests "${1:-$all}"
