@@ -224,16 +224,17 @@ TEST(GatewayEdits, WhatNobodyTakesIsRefusedWhenThereAreTooMany) {
 }
 
 TEST(GatewayEdits, ASlowViewerGetsTheNewestScene) {
+  WatchObject object{.id = 1, .name = std::string(400, 'n')};
+  WatchScene scene;
+  scene.objects.assign(200, object);
+  std::vector<std::string> texts;  // written before the viewer comes: he is closed when he stalls for long
+  for (scene.revision = 1; scene.revision <= 500; ++scene.revision) texts.push_back(ToJson(scene));
   Gateway gateway({.listen = "127.0.0.1:0", .send_buffer_bytes = 1 << 12});
   ASSERT_TRUE(gateway.Start());
   TestViewer slow(gateway.port(), {.receive_buffer_bytes = 4096});
   ASSERT_TRUE(Eventually([&] { return gateway.counters().viewers == 1; }));
-  WatchObject object{.id = 1, .name = std::string(400, 'n')};
-  WatchScene scene;
-  scene.objects.assign(200, object);
-  for (int i = 1; i <= 500; ++i) {
-    scene.revision = static_cast<std::uint64_t>(i);
-    gateway.PublishScene(ToJson(scene));
+  for (const std::string& text : texts) {
+    gateway.PublishScene(text);
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   int scenes = 0;
