@@ -130,7 +130,7 @@ def the_head_scans_its_room():
     report = json.loads((room() / "report.json").read_text())
     assert not report["left_out"], report["left_out"]
     assert report["coverage"] >= 0.99 and report["triangles"] <= 150_000, report
-    return f'{report["views"]} views, coverage {report["coverage"]:.3f}, {report["triangles"]} triangles'
+    return f'{len(report["views"])} views, coverage {report["coverage"]:.3f}, {report["triangles"]} triangles'
 
 
 def the_room_is_where_it_is():
