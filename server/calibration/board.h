@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Checkerboards as board.json states them (SPEC.md, "Views of boards"). Frame of a board: origin at its first
+// Checkerboards as board.json states them. Frame of a board: origin at its first
 // inner corner, x along its columns, y along its rows (down when it hangs upright), z into the board; metres.
 // Corners are counted row by row: corner i lies at (i % columns, i / columns) squares.
 #pragma once

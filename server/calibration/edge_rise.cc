@@ -10,7 +10,7 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr int kSamples = 23;  // across an edge, from -0.45 to +0.45 squares
+constexpr int kSamples = 91;  // across an edge, from -0.45 to +0.45 squares
 
 double Bilinear(const cv::Mat1b& picture, const Vector2d& p) {
   const int u = static_cast<int>(std::floor(p.x()));
