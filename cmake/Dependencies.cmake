@@ -3,10 +3,8 @@
 find_package(PkgConfig REQUIRED)
 find_package(Threads REQUIRED)
 find_package(Eigen3 REQUIRED NO_MODULE)
-find_package(OpenCV 4.6 REQUIRED COMPONENTS core imgproc imgcodecs calib3d stitching)
+find_package(OpenCV 4.6 REQUIRED COMPONENTS core imgproc imgcodecs calib3d)
 find_package(Ceres 2.1 REQUIRED)
-set(CMAKE_DISABLE_FIND_PACKAGE_VTK ON) # wants MPI and C; nothing here draws with it
-find_package(PCL 1.13 REQUIRED COMPONENTS common segmentation registration)
 find_package(meshoptimizer REQUIRED)
 find_package(spdlog REQUIRED)
 find_package(tl-expected REQUIRED)
@@ -37,9 +35,3 @@ target_link_libraries(mixstage_deps_base INTERFACE opencv_core opencv_imgproc op
 # Eigen may not assume wider alignment than the libraries it meets were built with.
 target_compile_definitions(mixstage_deps_base INTERFACE EIGEN_MAX_ALIGN_BYTES=16 EIGEN_MAX_STATIC_ALIGN_BYTES=16
                            MIXSTAGE_VERSION="${PROJECT_VERSION}")
-
-# PCL as a target that leaves the including file's flags alone (its own asks for -march flags and VTK's defines).
-add_library(mixstage_pcl INTERFACE)
-add_library(mixstage::pcl ALIAS mixstage_pcl)
-target_include_directories(mixstage_pcl SYSTEM INTERFACE ${PCL_INCLUDE_DIRS})
-target_link_libraries(mixstage_pcl INTERFACE ${PCL_LIBRARIES})
