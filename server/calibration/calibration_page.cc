@@ -191,13 +191,14 @@ std::string CalibrationPage(const RigCalibration& c) {
     const SceneCamera& camera = c.scene.cameras[i];
     const CameraFigures& f = c.figures[i];
     html += "<h2>" + Escaped(camera.name) + "</h2>" +
-            Text(
-                "<p>%d boards, corners %.3f px rms, held-out views %.3f px; OpenCV alone %.3f px, stereo "
-                "%.3f px; seen to "
-                "%.0f&#176; from the axis; %d pictures compared pixel by pixel, "
-                "their spot %.2f px.</p><div class='row'><div>",
-                f.boards, f.rms_px, f.held_out_rms_px, f.opencv.single_rms_px, f.opencv.stereo_rms_px,
-                f.seen_to_deg, f.fitted_pictures, f.spot_px);
+            Text("<p>%d boards, corners %.3f px rms, held-out views %.3f px", f.boards, f.rms_px,
+                 f.held_out_rms_px);
+    if (f.opencv.single_rms_px > 0) html += Text("; OpenCV alone %.3f px", f.opencv.single_rms_px);
+    if (f.opencv.stereo_rms_px > 0) html += Text(", stereo %.3f px", f.opencv.stereo_rms_px);
+    html += Text(
+        "; seen to %.0f&#176; from the axis; %d pictures compared pixel by pixel, their spot %.2f "
+        "px.</p><div class='row'><div>",
+        f.seen_to_deg, f.fitted_pictures, f.spot_px);
     html += Coverage(c.scene, i) + "</div><div>" + Spread(c.scene, i, f) +
             LensTable(camera, i < c.deviations.size() ? c.deviations[i] : std::nullopt) + "</div></div>";
   }
