@@ -16,7 +16,6 @@ using Eigen::Vector3f;
 constexpr int kSide = 8;                          // rays along a pixel's side
 constexpr int kLightColumns = 6, kLightRows = 5;  // where a board's light is computed
 constexpr int kLightRays = 40;
-constexpr float kWorkLight = 0.5f;  // besides the room's own light a board is lit by a lamp beside the head
 
 // What a white surface in the board's place would show, over the board: the plate's three layers.
 class BoardLight {

@@ -256,7 +256,6 @@ Photometry SolvePhotometry(const std::vector<ColorView>& views, const std::vecto
     Eigen::MatrixXd A = Eigen::MatrixXd::Zero(n + 2, n + 2);
     Eigen::VectorXd b = Eigen::VectorXd::Zero(n + 2);
     std::vector<double> deviations;
-    double sum2_levels = 0;
     for (const auto& sights : points) {
       // The point's own radiance is eliminated: deviations from the mean of its sights.
       const auto m = static_cast<Eigen::Index>(sights.size());
@@ -274,7 +273,6 @@ Photometry SolvePhotometry(const std::vector<ColorView>& views, const std::vecto
       for (Eigen::Index k = 0; k < m; ++k) {
         const double weight = 1 / (1 + residual[k] * residual[k] / (scale * scale));
         deviations.push_back(std::abs(residual[k]));
-        sum2_levels += weight * residual[k] * residual[k];
         std::vector<std::pair<Eigen::Index, double>> row;
         for (Eigen::Index l = 0; l < m; ++l)
           row.emplace_back(static_cast<Eigen::Index>(sights[static_cast<std::size_t>(l)].view),

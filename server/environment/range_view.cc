@@ -291,7 +291,7 @@ void RemoveMixedPixels(cv::Mat1f& range_m, const cv::Mat1f& sigma_m) {
         const float noise_in = std::hypot(sigma_m(y, x), sigma_m(y - dy, x - dx));
         const float noise_out = std::hypot(sigma_m(y, x), sigma_m(y + dy, x + dx));
         if (in < kNotOneSurface * noise_in || out < kNotOneSurface * noise_out) continue;
-        auto step = [&](int k) {  // from (k) to (k + 1) along the line
+        auto step = [&, dx = dx, dy = dy](int k) {  // from (k) to (k + 1) along the line
           const int x0 = x + k * dx, y0 = y + k * dy, x1 = x0 + dx, y1 = y0 + dy;
           const cv::Rect all(0, 0, r.cols, r.rows);
           if (!all.contains({x0, y0}) || !all.contains({x1, y1})) return std::max(in, out);
