@@ -24,7 +24,7 @@ TEST(LensJacobian, IsTheNumericOneForBothModelsAlsoBeyond90Degrees) {
                                     std::pair{fisheye, Eigen::Vector3d(0.9, 0.5, -0.1)}}) {
     LensJacobian j;
     ProjectWithLens(lens.kind, lens.numbers.data(), point, j);
-    auto pixel = [&](const std::array<double, kLensNumbers>& n, const Eigen::Vector3d& p) {
+    auto pixel = [&, lens = lens](const std::array<double, kLensNumbers>& n, const Eigen::Vector3d& p) {
       Eigen::Vector2d out;
       ProjectThrough(lens.kind, n.data(), p.data(), out.data());
       return out;
