@@ -9,6 +9,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "proto/base/text.h"
 #include "proto/take/take.h"
 #include "server/app/room_file.h"
 #include "server/environment/environment_folder.h"
@@ -85,23 +86,9 @@ std::string Inline(const cv::Mat& picture) {
   return text + "\">";
 }
 
-// Names come from files.
-std::string Escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '<')
-      out += "&lt;";
-    else if (c == '&')
-      out += "&amp;";
-    else
-      out += c;
-  }
-  return out;
-}
-
 std::string Row(std::initializer_list<std::string> cells) {
   std::string row = "<tr>";
-  for (const std::string& cell : cells) row.append("<td>").append(Escaped(cell)).append("</td>");
+  for (const std::string& cell : cells) row.append("<td>").append(EscapedHtml(cell)).append("</td>");
   return row + "</tr>\n";
 }
 

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/calibration/calibration_gates.h"
 
-#include <cstdarg>
-#include <cstdio>
+#include "proto/base/text.h"
 
 namespace mixstage {
 namespace {
@@ -13,15 +12,6 @@ constexpr double kCentreDeviation = 0.02;  // of the picture's width
 constexpr double kTurnDeviation_deg = 0.3;
 constexpr double kShiftDeviation_m = 0.01;
 constexpr double kCornerSigma = 0.002;  // of the picture's width, and 0.5 px
-
-[[gnu::format(printf, 1, 2)]] std::string Text(const char* format, ...) {
-  char text[400];
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(text, sizeof(text), format, arguments);
-  va_end(arguments);
-  return text;
-}
 
 void JudgeCamera(const SceneCamera& camera, const CameraFigures& f,
                  const std::optional<CameraDeviation>& deviation, RigCalibration& c) {

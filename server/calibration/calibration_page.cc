@@ -1,51 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 
+#include "proto/base/text.h"
 #include "server/calibration/calibration_report.h"
 
 namespace mixstage {
 namespace {
 
-[[gnu::format(printf, 1, 2)]] std::string Text(const char* format, ...) {
-  char text[600];
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(text, sizeof(text), format, arguments);
-  va_end(arguments);
-  return text;
-}
-
-// File names and notes come from strangers.
-std::string Escaped(const std::string& text) {
-  std::string out;
-  for (char c : text) {
-    switch (c) {
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '&':
-        out += "&amp;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      default:
-        out += c;
-    }
-  }
-  return out;
-}
-
 std::string List(const char* title, const std::vector<std::string>& lines) {
   if (lines.empty()) return "";
   std::string html = std::string("<h2>") + title + "</h2><ul>";
-  for (const std::string& line : lines) html += "<li>" + Escaped(line) + "</li>";
+  for (const std::string& line : lines) html += "<li>" + EscapedHtml(line) + "</li>";
   return html + "</ul>";
 }
 
@@ -162,14 +128,14 @@ std::string HeadSection(const HandEyeResult& h) {
           "%.4f&#176;, tilt %.4f&#176;.</p><div class='row'><table>",
           h.sweep_sd_deg, h.sweep_sd_mm, h.pan_noise_deg, h.tilt_noise_deg);
   for (const HandEyeFigure& f : h.figures)
-    html += "<tr><td>" + Escaped(f.name) + Text("</td><td>%.4f &#177; %.4f ", f.value, f.sd) +
-            Escaped(f.unit) + "</td></tr>";
+    html += "<tr><td>" + EscapedHtml(f.name) + Text("</td><td>%.4f &#177; %.4f ", f.value, f.sd) +
+            EscapedHtml(f.unit) + "</td></tr>";
   html += "</table><table><tr><th>view</th><th>rms px</th><th>pan, tilt off</th><th></th></tr>";
   for (const HandEyeViewFit& v : h.views)
-    html += "<tr><td>" + Escaped(v.name) +
+    html += "<tr><td>" + EscapedHtml(v.name) +
             Text("</td><td>%.3f</td><td>%+.4f&#176; %+.4f&#176;</td><td>", v.rms_px, -v.pan_correction_deg,
                  -v.tilt_correction_deg) +
-            Escaped(v.reason) + "</td></tr>";
+            EscapedHtml(v.reason) + "</td></tr>";
   return html + "</table></div>" + List("Weakly determined", h.weak) + List("Held", h.held);
 }
 
@@ -190,7 +156,7 @@ std::string CalibrationPage(const RigCalibration& c) {
   for (std::size_t i = 0; i < c.scene.cameras.size(); ++i) {
     const SceneCamera& camera = c.scene.cameras[i];
     const CameraFigures& f = c.figures[i];
-    html += "<h2>" + Escaped(camera.name) + "</h2>" +
+    html += "<h2>" + EscapedHtml(camera.name) + "</h2>" +
             Text("<p>%d boards, corners %.3f px rms, held-out views %.3f px", f.boards, f.rms_px,
                  f.held_out_rms_px);
     if (f.opencv.single_rms_px > 0) html += Text("; OpenCV alone %.3f px", f.opencv.single_rms_px);

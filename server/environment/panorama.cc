@@ -10,12 +10,11 @@ namespace {
 
 constexpr double kRadPerDeg = std::numbers::pi / 180.0;
 
-// Where an elevation stands along the rows' axis.
-double Level(PanoramaShape shape, double elevation_rad) {
+}  // namespace
+
+double PanoramaLevel(PanoramaShape shape, double elevation_rad) {
   return shape == PanoramaShape::kSpherical ? elevation_rad : std::tan(elevation_rad);
 }
-
-}  // namespace
 
 Status Panorama::Validate() const {
   auto bad = [](const std::string& what) { return Fail(ErrorCode::kBadInput, what); };
@@ -43,8 +42,8 @@ Status Panorama::Validate() const {
 Eigen::Vector3d Panorama::Ray(double u, double v) const {
   const double azimuth =
       (azimuth_left_deg - (u + 0.5) / width * (azimuth_left_deg - azimuth_right_deg)) * kRadPerDeg;
-  const double top = Level(shape, elevation_top_deg * kRadPerDeg);
-  const double bottom = Level(shape, elevation_bottom_deg * kRadPerDeg);
+  const double top = PanoramaLevel(shape, elevation_top_deg * kRadPerDeg);
+  const double bottom = PanoramaLevel(shape, elevation_bottom_deg * kRadPerDeg);
   const double level = top - (v + 0.5) / height * (top - bottom);
   const double elevation = shape == PanoramaShape::kSpherical ? level : std::atan(level);
   return {std::cos(elevation) * std::cos(azimuth), std::cos(elevation) * std::sin(azimuth),
@@ -61,9 +60,9 @@ std::optional<Eigen::Vector2d> Panorama::Pixel(const Eigen::Vector3d& direction)
   const double u = (across - past_right) / across * width - 0.5;
   const double elevation = std::atan2(direction.z(), level_length);
   if (shape == PanoramaShape::kCylindrical && !(level_length > 0)) return std::nullopt;
-  const double top = Level(shape, elevation_top_deg * kRadPerDeg);
-  const double bottom = Level(shape, elevation_bottom_deg * kRadPerDeg);
-  const double v = (top - Level(shape, elevation)) / (top - bottom) * height - 0.5;
+  const double top = PanoramaLevel(shape, elevation_top_deg * kRadPerDeg);
+  const double bottom = PanoramaLevel(shape, elevation_bottom_deg * kRadPerDeg);
+  const double v = (top - PanoramaLevel(shape, elevation)) / (top - bottom) * height - 0.5;
   if (!(u >= -0.5 && u <= width - 0.5 && v >= -0.5 && v <= height - 0.5)) return std::nullopt;
   return Eigen::Vector2d(u, v);
 }

@@ -17,6 +17,9 @@ enum class PanoramaShape {
   kCylindrical,    // rows are equal steps of tan(elevation): upright lines stay straight, no zenith, no nadir
 };
 
+// Where an elevation stands along the rows' axis: itself, or its tangent.
+[[nodiscard]] double PanoramaLevel(PanoramaShape shape, double elevation_rad);
+
 // Pixel centres are integers: column u looks to azimuth_left - (u + 0.5) (azimuth_left - azimuth_right) /
 // width, row v to top - (v + 0.5) (top - bottom) / height, in elevation or its tangent. Columns run to the
 // right as one who stands inside sees them.

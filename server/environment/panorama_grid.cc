@@ -9,10 +9,6 @@ namespace {
 
 constexpr double kRadPerDeg = std::numbers::pi / 180;
 
-double Level(PanoramaShape shape, double elevation_rad) {
-  return shape == PanoramaShape::kSpherical ? elevation_rad : std::tan(elevation_rad);
-}
-
 }  // namespace
 
 PanoramaGrid::PanoramaGrid(const Panorama& panorama) : panorama_(panorama) {
@@ -23,8 +19,8 @@ PanoramaGrid::PanoramaGrid(const Panorama& panorama) : panorama_(panorama) {
   columns_per_rad_ = p.width / across_rad;
   turn_px_ = 2 * std::numbers::pi * columns_per_rad_;
   step_rad_ = across_rad / p.width;
-  top_ = Level(p.shape, p.elevation_top_deg * kRadPerDeg);
-  rows_per_level_ = p.height / (top_ - Level(p.shape, p.elevation_bottom_deg * kRadPerDeg));
+  top_ = PanoramaLevel(p.shape, p.elevation_top_deg * kRadPerDeg);
+  rows_per_level_ = p.height / (top_ - PanoramaLevel(p.shape, p.elevation_bottom_deg * kRadPerDeg));
   for (int x = 0; x < p.width; ++x) {
     const double azimuth = left_rad_ - (x + 0.5) / columns_per_rad_;
     cos_azimuth_.push_back(static_cast<float>(std::cos(azimuth)));
