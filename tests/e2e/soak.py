@@ -3,7 +3,7 @@
 """A long show with a restless crowd: real server, synthetic agent, viewers that join, leave and stall.
 
 soak.py BUILD_DIR [FRAMES] [SEED]: prints a table and, for each claim, ok or FAIL. After a tenth of the frames (at least
-200) everything has been in use once; from then on memory, threads and descriptors may not grow, seen while nobody watches.
+400) everything has been in use once; from then on memory, threads and descriptors may not grow, seen while nobody watches.
 """
 import os
 import pathlib
@@ -17,7 +17,7 @@ from programs import Studio, resident_mb, run_all
 BUILD = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "build").resolve()
 FRAMES = int(sys.argv[2]) if len(sys.argv) > 2 else 10_000
 SEED = int(sys.argv[3]) if len(sys.argv) > 3 else 1
-WARM_UP = max(200, FRAMES // 10)
+WARM_UP = max(400, FRAMES // 10)
 LOOKS = 5  # at the programs while nobody watches, after the warm-up
 GROWTH_MB = 2.0
 
