@@ -51,7 +51,7 @@ cv::Mat1f Draw(const Camera& camera, const std::vector<PlacedBoard>& boards, con
     return look.behind;
   };
   std::mt19937_64 random(look.seed);
-  std::normal_distribution<double> noise(0, look.noise);
+  std::normal_distribution<double> noise(0, 1);
   // A ray at a random place of its stratum: a fixed grid would make steps of its own along edges.
   auto offset = [&](int stratum) {
     const int first = stratum * kQuantiles / kSide;
@@ -64,7 +64,7 @@ cv::Mat1f Draw(const Camera& camera, const std::vector<PlacedBoard>& boards, con
     for (int u = 0; u < camera.width; ++u) {
       double sum = 0;
       for (int i = 0; i < kSide * kSide; ++i) sum += brightness(u + offset(i % kSide), v + offset(i / kSide));
-      picture(v, u) = static_cast<float>(sum / (kSide * kSide) + noise(random));
+      picture(v, u) = static_cast<float>(sum / (kSide * kSide) + look.noise * noise(random));
     }
   }
   return picture;

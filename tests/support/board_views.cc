@@ -55,7 +55,7 @@ BoardScene TrueRigWithoutViews() {
 void AddTrueViews(BoardScene& scene, std::size_t board, int count, int wide, double noise_px,
                   std::uint64_t seed) {
   std::mt19937_64 random(seed);
-  std::normal_distribution<double> noise(0, noise_px);
+  std::normal_distribution<double> noise(0, 1);
   auto uniform = [&](double a, double b) { return std::uniform_real_distribution<double>(a, b)(random); };
   auto add = [&](const RigidTransform& T_first_board, std::size_t first_camera) {
     const std::size_t index = scene.placements.size();
@@ -63,7 +63,7 @@ void AddTrueViews(BoardScene& scene, std::size_t board, int count, int wide, dou
     for (std::size_t c = first_camera; c < scene.cameras.size(); ++c) {
       auto s = Look(scene, c, index);
       if (!s) continue;
-      for (Eigen::Vector2d& p : s->pixels) p += Eigen::Vector2d(noise(random), noise(random));
+      for (Eigen::Vector2d& p : s->pixels) p += noise_px * Eigen::Vector2d(noise(random), noise(random));
       scene.sightings.push_back({c, index, *s, "picture " + std::to_string(c), "", 0});
     }
   };
