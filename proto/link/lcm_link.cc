@@ -18,6 +18,7 @@ constexpr const char* kSliceChannel = "MIXSTAGE_SLICE";
 constexpr const char* kHeadChannel = "MIXSTAGE_HEAD";
 constexpr const char* kHealthChannel = "MIXSTAGE_HEALTH";
 constexpr const char* kCommandChannel = "MIXSTAGE_COMMAND";
+constexpr const char* kScanChannel = "MIXSTAGE_SCAN";
 constexpr const char* kSelfTestChannel = "MIXSTAGE_SELF_TEST";
 constexpr int kSelfTestTimeoutMs = 1000;
 constexpr int kMaxMessagesPerWait = 4096;  // so that a flood cannot keep HandleFor from returning
@@ -98,6 +99,9 @@ bool LcmLink::Publish(const mixstage_lcm::agent_health_t& m) {
 bool LcmLink::Publish(const mixstage_lcm::agent_command_t& m) {
   return PublishMessage(state_->lcm, kCommandChannel, m);
 }
+bool LcmLink::Publish(const mixstage_lcm::scan_progress_t& m) {
+  return PublishMessage(state_->lcm, kScanChannel, m);
+}
 
 void LcmLink::Subscribe(Handlers handlers) {
   State& s = *state_;
@@ -108,6 +112,7 @@ void LcmLink::Subscribe(Handlers handlers) {
   s.Listen<mixstage_lcm::head_angles_t, &Handlers::on_head>(kHeadChannel);
   s.Listen<mixstage_lcm::agent_health_t, &Handlers::on_health>(kHealthChannel);
   s.Listen<mixstage_lcm::agent_command_t, &Handlers::on_command>(kCommandChannel);
+  s.Listen<mixstage_lcm::scan_progress_t, &Handlers::on_scan>(kScanChannel);
 }
 
 void LcmLink::HandleFor(int timeout_ms) {

@@ -10,6 +10,7 @@
 #include <mixstage_lcm/agent_health_t.hpp>
 #include <mixstage_lcm/frame_slice_t.hpp>
 #include <mixstage_lcm/head_angles_t.hpp>
+#include <mixstage_lcm/scan_progress_t.hpp>
 #include <string>
 #include <vector>
 
@@ -35,6 +36,7 @@ class LcmLink {
   bool Publish(const mixstage_lcm::head_angles_t& angles);
   bool Publish(const mixstage_lcm::agent_health_t& health);
   bool Publish(const mixstage_lcm::agent_command_t& command);
+  bool Publish(const mixstage_lcm::scan_progress_t& progress);
 
   // Receiving: one thread, which may be another than the publishing one, sets the handlers and then calls
   // HandleFor in a loop. A channel without a handler is not listened to. Messages that LCM cannot decode
@@ -44,6 +46,7 @@ class LcmLink {
     std::function<void(const mixstage_lcm::head_angles_t&)> on_head{};
     std::function<void(const mixstage_lcm::agent_health_t&)> on_health{};
     std::function<void(const mixstage_lcm::agent_command_t&)> on_command{};
+    std::function<void(const mixstage_lcm::scan_progress_t&)> on_scan{};
   };
   void Subscribe(Handlers handlers);
   // Waits up to `timeout_ms` for messages and hands over all that are there.

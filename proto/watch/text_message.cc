@@ -49,6 +49,51 @@ Json Agent(const WatchAgent& agent) {
           {"recording", agent.recording}};
 }
 
+constexpr std::array kScanStates = {"sweep", "compute", "done", "failed"};
+constexpr int kMaxScanCells = 512;
+
+Json Scan(const WatchScan& scan) {
+  return {{"state", scan.state},
+          {"age_s", Finite(scan.age_s)},
+          {"positions", scan.positions},
+          {"recorded", scan.recorded},
+          {"left_out", scan.left_out},
+          {"columns", scan.columns},
+          {"rows", scan.rows},
+          {"cells", scan.cells},
+          {"pan_deg", {Finite(scan.pan_deg[0]), Finite(scan.pan_deg[1])}},
+          {"tilt_deg", {Finite(scan.tilt_deg[0]), Finite(scan.tilt_deg[1])}},
+          {"text", scan.text},
+          {"notes", scan.notes},
+          {"coverage", Finite(scan.coverage)},
+          {"triangles", scan.triangles}};
+}
+
+Result<WatchScan> ParseScan(const JsonFields& fields) {
+  WatchScan scan;
+  JsonReader read(fields);
+  scan.state = kScanStates[read.Choice("state", kScanStates)];
+  read.Double("age_s", &scan.age_s);
+  read.Count("positions", &scan.positions);
+  read.Count("recorded", &scan.recorded);
+  read.Count("left_out", &scan.left_out);
+  read.Int("columns", 0, kMaxScanCells, &scan.columns);
+  read.Int("rows", 0, kMaxScanCells, &scan.rows);
+  read.Text("cells", &scan.cells);
+  read.Numbers("pan_deg", scan.pan_deg);
+  read.Numbers("tilt_deg", scan.tilt_deg);
+  read.Text("text", &scan.text);
+  read.Text("notes", &scan.notes);
+  read.Double("coverage", &scan.coverage);
+  read.Count("triangles", &scan.triangles);
+  if (read.status() && (scan.cells.size() != static_cast<std::size_t>(scan.columns * scan.rows) ||
+                        scan.cells.find_first_not_of("0123") != std::string::npos)) {
+    read.Refuse("cells", "is not a digit 0 .. 3 for each cell");
+  }
+  if (!read.status()) return tl::unexpected(read.status().error());
+  return scan;
+}
+
 Result<WatchStream> ParseStream(const std::string& name) {
   for (const WatchStream stream : {WatchStream::kColor, WatchStream::kDepth}) {
     if (name == StreamName(stream)) return stream;
@@ -137,6 +182,11 @@ Result<ServerMessage> ParseStats(const JsonFields& fields) {
   read_recording.Double("seconds", &stats.recording.seconds);
   read_recording.Count("dropped", &stats.recording.dropped);
   if (!read_recording.status()) return Within("stats: recording", read_recording.status().error());
+  if (const auto item = fields.find("scan"); item != fields.end()) {
+    auto scan = ParseScan(*item);
+    if (!scan) return Within("stats: scan", scan.error());
+    stats.scan = std::move(*scan);
+  }
   JsonReader read_latency(*latency);
   read_latency.Double("p50", &stats.latency_p50_ms);
   read_latency.Double("p99", &stats.latency_p99_ms);
@@ -277,6 +327,7 @@ std::string ToJson(const WatchStats& stats) {
                 {{"active", stats.recording.active},
                  {"seconds", Finite(stats.recording.seconds)},
                  {"dropped", stats.recording.dropped}}}};
+  if (stats.scan) json["scan"] = Scan(*stats.scan);
   if (stats.T_scene_color) {
     Json& numbers = json["T_scene_color"] = Json::array();
     for (const double number : *stats.T_scene_color) numbers.push_back(Finite(number));

@@ -78,6 +78,21 @@ struct WatchRecording {  // the server's own, of what arrives
   std::uint64_t dropped = 0;  // pictures it lacks
 };
 
+struct WatchScan {      // a live scan of the room
+  std::string state{};  // sweep, compute, done, failed
+  double age_s = 0;     // since its last message
+  std::uint64_t positions = 0, recorded = 0, left_out = 0;
+  // The sweep as the head sees it, row by row from the top, each from the left: a digit a cell, 0 to come,
+  // 1 recorded, 2 left out, 3 the head goes or is there; 0 x 0: too many to show.
+  int columns = 0, rows = 0;
+  std::string cells{};
+  std::array<double, 2> pan_deg{}, tilt_deg{};  // of the first column, row and the last
+  std::string text{};                           // compute: the step at work; failed: why
+  std::string notes{};                          // lines: what was left out and why
+  double coverage = 0;                          // done: 0 .. 1 of the swept directions
+  std::uint64_t triangles = 0;                  // done
+};
+
 struct WatchStats {
   std::int64_t server_us = 0;
   std::string state{};    // live, learning, no_agent, stalled, no_depth
@@ -93,6 +108,7 @@ struct WatchStats {
   std::vector<WatchAgent> agents{};
   double depth_age_s = 0;
   WatchRecording recording{};
+  std::optional<WatchScan> scan{};  // nothing while no scan has been heard of for a minute
   // Where the camera of the last picture stands: rows of a 3 x 4 matrix, metres; nothing before the first.
   std::optional<std::array<double, 12>> T_scene_color{};
 };

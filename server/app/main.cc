@@ -151,16 +151,14 @@ struct ScanFlags {
   bool live = false, json = false;
 };
 
-// Moves the head over the room; what it recorded is then scanned as any sweep.
-Status Sweep(ScanFlags& f) {
+Result<ScanOutcome> ScanAsTheHeadMoves(const ScanFlags& f) {
   if (!f.views.empty()) return Fail(ErrorCode::kInvalidConfig, "scan takes --views or --live, not both");
   if (f.rig.empty()) return Fail(ErrorCode::kInvalidConfig, "scan --live needs --rig");
   LiveScanOptions options;
   options.rig = f.rig;
   options.lcm_url = f.lcm;
   options.silent = f.json;
-  f.views = (std::filesystem::path(f.out) / "views").string();
-  options.views = f.views;
+  options.out = f.out;
   if (!f.pan.empty()) {
     if (auto ok = ParseSpan(f.pan, options.area.pan_from_deg, options.area.pan_to_deg); !ok)
       return Within("--pan", ok.error());
@@ -169,18 +167,17 @@ Status Sweep(ScanFlags& f) {
     if (auto ok = ParseSpan(f.tilt, options.area.tilt_from_deg, options.area.tilt_to_deg); !ok)
       return Within("--tilt", ok.error());
   }
-  return RecordSweep(options);
+  return ScanLive(options);
 }
 
-int Scan(ScanFlags f) {
-  if (f.live) {
-    if (auto ok = Sweep(f); !ok) return Report(ok.error());
-  } else if (f.views.empty()) {
+int Scan(const ScanFlags& f) {
+  if (!f.live && f.views.empty()) {
     return Report({ErrorCode::kInvalidConfig, "scan needs --views DIR, or --live"});
   }
-  auto report = RunScan({.views = f.views, .rig = f.rig, .out = f.out, .silent = f.json});
-  if (!report) return Report(report.error());
-  if (f.json) std::fputs(report->c_str(), stdout);
+  auto scan = f.live ? ScanAsTheHeadMoves(f)
+                     : RunScan({.views = f.views, .rig = f.rig, .out = f.out, .silent = f.json});
+  if (!scan) return Report(scan.error());
+  if (f.json) std::fputs(scan->report.c_str(), stdout);
   return 0;
 }
 

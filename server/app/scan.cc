@@ -155,7 +155,7 @@ Status SaveText(const fs::path& file, const std::string& text) {
 
 }  // namespace
 
-Result<std::string> RunScan(const ScanOptions& options) {
+Result<ScanOutcome> RunScan(const ScanOptions& options) {
   auto take = OpenTake(options.views);
   if (!take) return tl::unexpected(take.error());
   RigChoice choice;
@@ -171,6 +171,7 @@ Result<std::string> RunScan(const ScanOptions& options) {
   }
   auto scan = ScanRoom(*take, rig->rig, listed, [&](const std::string& step) {
     if (!options.silent) std::fprintf(stderr, "scan: %s\n", step.c_str());
+    if (options.on_step) options.on_step(step);
   });
   if (!scan) return tl::unexpected(scan.error());
   scan->report.warnings.insert(scan->report.warnings.end(), rig->warnings.begin(), rig->warnings.end());
@@ -181,7 +182,8 @@ Result<std::string> RunScan(const ScanOptions& options) {
   if (auto ok = SaveText(options.out / "report.html", HtmlOf(*scan)); !ok) return tl::unexpected(ok.error());
   const std::string report = ReportOf(*scan).dump(1) + "\n";
   if (auto ok = SaveText(options.out / "report.json", report); !ok) return tl::unexpected(ok.error());
-  return report;
+  return ScanOutcome{report, scan->environment.coverage, static_cast<int>(scan->room.triangle_count()),
+                     scan->report.left_out};
 }
 
 }  // namespace mixstage

@@ -37,6 +37,45 @@ bool Near(const HeadPosition& a, const HeadPosition& b, double within_deg) {
 SweepRecorder::SweepRecorder(const Rig& rig, std::vector<HeadPosition> positions, TakeWriter writer)
     : rig_(rig), positions_(std::move(positions)), writer_(std::move(writer)) {
   MIX_CHECK(rig_.depth.has_value() && !positions_.empty());
+  LayOut();
+}
+
+// A map of the positions where they are a grid that a message can hold.
+void SweepRecorder::LayOut() {
+  std::vector<double> pans, tilts;
+  for (const HeadPosition& at : positions_) {
+    pans.push_back(at.pan_deg);
+    tilts.push_back(at.tilt_deg);
+  }
+  for (std::vector<double>* angles : {&pans, &tilts}) {
+    std::sort(angles->rbegin(), angles->rend());  // positive pan is left, positive tilt is up
+    angles->erase(std::unique(angles->begin(), angles->end()), angles->end());
+  }
+  if (pans.size() * tilts.size() != positions_.size() || positions_.size() > kMaxSweepCells) return;
+  map_.columns = static_cast<int>(pans.size());
+  map_.rows = static_cast<int>(tilts.size());
+  map_.pan_deg = {static_cast<float>(pans.front()), static_cast<float>(pans.back())};
+  map_.tilt_deg = {static_cast<float>(tilts.front()), static_cast<float>(tilts.back())};
+  map_.cells.assign(positions_.size(), SweepCell::kToCome);
+  const auto place = [](const std::vector<double>& angles, double angle) {
+    return static_cast<std::size_t>(std::find(angles.begin(), angles.end(), angle) - angles.begin());
+  };
+  for (const HeadPosition& at : positions_)
+    cells_.push_back(place(tilts, at.tilt_deg) * pans.size() + place(pans, at.pan_deg));
+}
+
+void SweepRecorder::Mark(SweepCell cell) {
+  if (!cells_.empty()) map_.cells[cells_[position_]] = cell;
+}
+
+ScanProgress SweepRecorder::Progress() const {
+  ScanProgress progress{.positions = static_cast<int>(positions_.size()),
+                        .recorded = recorded_,
+                        .left_out = left_out_,
+                        .map = map_,
+                        .notes = notes_};
+  if (!cells_.empty() && !done_ && epoch_ != 0) progress.map.cells[cells_[position_]] = SweepCell::kHead;
+  return progress;
 }
 
 void SweepRecorder::Follow(std::int64_t epoch) {
@@ -162,6 +201,7 @@ Status SweepRecorder::WritePosition() {
                                 rest_sum_.tilt_deg / rest_count_);
   if (!head) return tl::unexpected(head.error());
   ++recorded_;
+  Mark(SweepCell::kRecorded);
   news_.push_back("position " + std::to_string(position_ + 1) + " of " + std::to_string(positions_.size()) +
                   ": " + Text(positions_[position_]));
   return {};
@@ -170,6 +210,9 @@ Status SweepRecorder::WritePosition() {
 void SweepRecorder::LeaveOut(const std::string& reason) {
   news_.push_back("position " + std::to_string(position_ + 1) + " of " + std::to_string(positions_.size()) +
                   " is left out: " + Text(positions_[position_]) + ": " + reason);
+  ++left_out_;
+  Mark(SweepCell::kLeftOut);
+  notes_ += Text(positions_[position_]) + ": " + reason + "\n";
 }
 
 AgentCommand SweepRecorder::Move(const HeadPosition& to) const {

@@ -19,6 +19,7 @@
 #include "proto/geometry/sweep_grid.h"
 #include "proto/link/agent_commands.h"
 #include "proto/link/frame_slice.h"
+#include "proto/link/scan_progress.h"
 #include "proto/take/take_writer.h"
 
 namespace mixstage {
@@ -46,12 +47,15 @@ class SweepRecorder {
   [[nodiscard]] std::int64_t epoch() const { return epoch_; }  // of the agent; 0 = none heard yet
   // What happened since the last call, a line each, for a person.
   std::vector<std::string> TakeNews();
+  // The same for a page. It has changed when there is news.
+  [[nodiscard]] ScanProgress Progress() const;
 
  private:
   struct Depth {
     std::int64_t t_us = 0;
     cv::Mat1w range;
   };
+  void LayOut();
   void Follow(std::int64_t epoch);
   void StartPosition();
   void ForgetPictures();
@@ -59,6 +63,7 @@ class SweepRecorder {
   [[nodiscard]] bool HaveAll() const;
   Status WritePosition();
   void LeaveOut(const std::string& reason);
+  void Mark(SweepCell cell);
   Result<std::optional<AgentCommand>> NextPosition(std::int64_t now_us);
   [[nodiscard]] AgentCommand Move(const HeadPosition& to) const;
 
@@ -96,6 +101,11 @@ class SweepRecorder {
   std::map<std::int64_t, cv::Mat1w> amplitudes_;  // by time
   std::int64_t take_us_ = 0;                      // the written take's clock
   std::vector<std::string> news_;
+
+  SweepMap map_;                    // cells: recorded, left out or to come
+  std::vector<std::size_t> cells_;  // of each position; empty where the map has none
+  int left_out_ = 0;
+  std::string notes_;
 };
 
 }  // namespace mixstage

@@ -206,6 +206,23 @@ void LiveIngest::OnHealth(const mixstage_lcm::agent_health_t& health, std::int64
   agent.recording = health.recording != 0;
 }
 
+void LiveIngest::OnScan(const mixstage_lcm::scan_progress_t& message, std::int64_t now_us) {
+  auto progress = ReadScanProgress(message);
+  if (!progress) return Drop("bad_scan");
+  {
+    const std::lock_guard lock(mutex_);
+    const ScanStatus* known = status_.scan ? &*status_.scan : nullptr;
+    const bool same = known != nullptr && known->epoch == message.epoch;
+    if (same && message.sequence <= known->sequence) return;  // came twice, or late
+    if (same || known == nullptr || known->progress.state >= ScanState::kDone ||
+        now_us - known->last_heard_us > kScanSilentUs) {
+      status_.scan = ScanStatus{message.epoch, message.sequence, now_us, std::move(*progress)};
+      return;
+    }
+  }
+  Drop("other_scan");
+}
+
 // Called with mutex_ held. The list is short; the one not heard for longest makes room.
 AgentStatus& LiveIngest::Agent(std::int64_t epoch, std::int64_t now_us) {
   auto& agents = status_.agents;

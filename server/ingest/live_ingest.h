@@ -8,7 +8,9 @@
 #include <memory>
 #include <mixstage_lcm/agent_health_t.hpp>
 #include <mixstage_lcm/head_angles_t.hpp>
+#include <mixstage_lcm/scan_progress_t.hpp>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,6 +19,7 @@
 #include "proto/codec/jpeg.h"
 #include "proto/geometry/rig.h"
 #include "proto/link/reassembler.h"
+#include "proto/link/scan_progress.h"
 #include "proto/take/take_recorder.h"
 #include "server/ingest/captured_frame.h"
 #include "server/ingest/clock_map.h"
@@ -41,9 +44,17 @@ struct AgentStatus {
   double delay_ms = 0;        // median time on the way beyond the fastest, last 10 s; 0 when not followed
 };
 
+// A live scan that was heard of, by its last word.
+struct ScanStatus {
+  std::int64_t epoch = 0, sequence = 0;
+  std::int64_t last_heard_us = 0;  // server clock
+  ScanProgress progress{};
+};
+
 struct IngestStatus {
   std::map<std::string, std::int64_t> drops;  // by reason, since the start
   std::vector<AgentStatus> agents;
+  std::optional<ScanStatus> scan;
   std::int64_t color_pictures = 0, depth_pictures = 0;
   std::int64_t last_color_us = 0, last_depth_us = 0;  // arrival on the server's clock; 0 = never
   double decode_wall_ms = 0, decode_cpu_ms = 0;       // of the last colour picture
@@ -58,6 +69,7 @@ struct IngestStatus {
 class LiveIngest {
  public:
   static constexpr std::int64_t kSwitchUs = 500'000;
+  static constexpr std::int64_t kScanSilentUs = 3'000'000;
   static constexpr std::int64_t kDepthStaleUs =
       1'000'000;  // older depth is no depth: the key goes on by colour
 
@@ -68,6 +80,8 @@ class LiveIngest {
   void OnSlice(const mixstage_lcm::frame_slice_t& slice, std::int64_t now_us);
   void OnHead(const mixstage_lcm::head_angles_t& angles, std::int64_t now_us);
   void OnHealth(const mixstage_lcm::agent_health_t& health, std::int64_t now_us);
+  // One scan is followed until it has ended or been silent for kScanSilentUs.
+  void OnScan(const mixstage_lcm::scan_progress_t& message, std::int64_t now_us);
   // Now and then, also when nothing comes: releases pictures that waited for older ones, refreshes what is
   // known of the transport.
   void Poll(std::int64_t now_us);

@@ -20,8 +20,9 @@ constexpr std::int64_t kStatsWindowUs = 10'000'000;
 constexpr std::int64_t kRateWindowUs = 2'000'000;  // of fps and bitrate
 constexpr auto kStatsPeriod = std::chrono::milliseconds(500);
 constexpr std::int64_t kGreetPauseUs = 1'000'000;
-constexpr std::int64_t kSilentUs = 3'000'000;   // an agent not heard for this long is gone
-constexpr std::int64_t kStalledUs = 2'000'000;  // no colour for this long: say so
+constexpr std::int64_t kSilentUs = 3'000'000;     // an agent not heard for this long is gone
+constexpr std::int64_t kScanToldUs = 60'000'000;  // after a scan's last word
+constexpr std::int64_t kStalledUs = 2'000'000;    // no colour for this long: say so
 // 12.5 Hz, less half a colour frame: capture times tremble.
 constexpr std::int64_t kMeshPeriodUs = 65'000;
 constexpr std::int64_t kDepthStoppedUs = 200'000;
@@ -33,6 +34,28 @@ std::string Sentence(const char* format, double value) {
   char text[160];
   std::snprintf(text, sizeof text, format, value);
   return text;
+}
+
+WatchScan Told(const ScanStatus& scan, double age_s) {
+  const ScanProgress& p = scan.progress;
+  const auto count = [](int n) { return static_cast<std::uint64_t>(n); };
+  constexpr std::array kStates = {"sweep", "compute", "done", "failed"};
+  WatchScan told;
+  told.state = kStates[static_cast<std::size_t>(p.state) - 1];
+  told.age_s = age_s;
+  told.positions = count(p.positions);
+  told.recorded = count(p.recorded);
+  told.left_out = count(p.left_out);
+  told.columns = p.map.columns;
+  told.rows = p.map.rows;
+  for (const SweepCell cell : p.map.cells) told.cells += static_cast<char>('0' + static_cast<int>(cell));
+  std::copy(p.map.pan_deg.begin(), p.map.pan_deg.end(), told.pan_deg.begin());
+  std::copy(p.map.tilt_deg.begin(), p.map.tilt_deg.end(), told.tilt_deg.begin());
+  told.text = p.text;
+  told.notes = p.notes;
+  told.coverage = p.coverage;
+  told.triangles = count(p.triangles);
+  return told;
 }
 
 }  // namespace
@@ -71,6 +94,7 @@ void LiveShow::RunIngest(const std::stop_token& stop) {
       .on_slice = [this](const mixstage_lcm::frame_slice_t& s) { ingest_.OnSlice(s, MonotonicMicros()); },
       .on_head = [this](const mixstage_lcm::head_angles_t& a) { ingest_.OnHead(a, MonotonicMicros()); },
       .on_health = [this](const mixstage_lcm::agent_health_t& h) { ingest_.OnHealth(h, MonotonicMicros()); },
+      .on_scan = [this](const mixstage_lcm::scan_progress_t& s) { ingest_.OnScan(s, MonotonicMicros()); },
   });
   while (!stop.stop_requested()) {
     link_->HandleFor(kHandleMs);
@@ -238,6 +262,8 @@ WatchStats LiveShow::Stats() const {
     const RecordingStatus recording = recorder_->status();
     stats.recording = {recording.active, recording.seconds, static_cast<std::uint64_t>(recording.dropped)};
   }
+  if (in.scan && now_us - in.scan->last_heard_us < kScanToldUs)
+    stats.scan = Told(*in.scan, static_cast<double>(now_us - in.scan->last_heard_us) * 1e-6);
   bool agent_lives = false;
   for (const AgentStatus& a : in.agents) {
     const double age_s = static_cast<double>(now_us - a.last_heard_us) * 1e-6;

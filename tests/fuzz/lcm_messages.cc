@@ -5,9 +5,11 @@
 #include <mixstage_lcm/agent_health_t.hpp>
 #include <mixstage_lcm/frame_slice_t.hpp>
 #include <mixstage_lcm/head_angles_t.hpp>
+#include <mixstage_lcm/scan_progress_t.hpp>
 #include <vector>
 
 #include "proto/base/check.h"
+#include "proto/link/scan_progress.h"
 
 namespace {
 
@@ -34,7 +36,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     bytes.insert(bytes.end(), data + 1, data + size);
     return bytes;
   };
-  switch (data[0] % 5) {
+  switch (data[0] % 6) {
     case 0:
       DecodeAs<mixstage_lcm::frame_slice_t>(with_fingerprint(mixstage_lcm::frame_slice_t::getHash()));
       break;
@@ -47,6 +49,16 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     case 3:
       DecodeAs<mixstage_lcm::agent_command_t>(with_fingerprint(mixstage_lcm::agent_command_t::getHash()));
       break;
+    case 4: {
+      const auto bytes = with_fingerprint(mixstage_lcm::scan_progress_t::getHash());
+      DecodeAs<mixstage_lcm::scan_progress_t>(bytes);
+      mixstage_lcm::scan_progress_t message{};
+      if (message.decode(bytes.data(), 0, static_cast<int>(bytes.size())) < 0) break;
+      // What is believed can be said again.
+      if (const auto heard = mixstage::ReadScanProgress(message))
+        MIX_CHECK(mixstage::ReadScanProgress(mixstage::ToMessage(*heard)).has_value());
+      break;
+    }
     default:
       DecodeAs<mixstage_lcm::frame_slice_t>({data + 1, data + size});
   }

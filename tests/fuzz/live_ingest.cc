@@ -19,6 +19,16 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     health.t_us = slice.t_us;
     std::memcpy(health.name, slice.payload, sizeof health.name);
     ingest.OnHealth(health, now_us);
+    mixstage_lcm::scan_progress_t scan{};
+    scan.epoch = slice.epoch;
+    scan.sequence = slice.sequence;
+    scan.state = slice.stream;
+    scan.positions = scan.recorded = slice.width;
+    scan.columns = slice.slice;
+    scan.rows = slice.data_slices;
+    std::memcpy(scan.cells, slice.payload, sizeof scan.cells);
+    std::memcpy(scan.notes, slice.payload, sizeof scan.notes);
+    ingest.OnScan(scan, now_us);
     while (frames.TryPop()) {
     }
   });

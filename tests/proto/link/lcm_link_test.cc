@@ -40,6 +40,7 @@ TEST(LcmLink, AMessageOfOurTypesIsOneDatagram) {
   EXPECT_EQ(mixstage_lcm::frame_slice_t{}.getEncodedSize(), 1338);
   EXPECT_LE(mixstage_lcm::agent_health_t{}.getEncodedSize(), 1400);
   EXPECT_LE(mixstage_lcm::agent_command_t{}.getEncodedSize(), 1400);
+  EXPECT_EQ(mixstage_lcm::scan_progress_t{}.getEncodedSize(), 1185);
 }
 
 }  // namespace

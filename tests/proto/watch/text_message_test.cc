@@ -27,6 +27,20 @@ WatchStats FullStats() {
           .agents = {{"0123456789abcdef", "head-1", 0.2, 30, 12.5, 1, 2, 2.0, 4, 9, 0.01, 1.5, true}},
           .depth_age_s = 3.5,
           .recording = {true, 12.5, 3},
+          .scan = WatchScan{.state = "compute",
+                            .age_s = 0.5,
+                            .positions = 6,
+                            .recorded = 5,
+                            .left_out = 1,
+                            .columns = 3,
+                            .rows = 2,
+                            .cells = "112111",
+                            .pan_deg = {30, -30},
+                            .tilt_deg = {10, -10},
+                            .text = "register",
+                            .notes = "pan -30.0 tilt 10.0: no colour picture came\n",
+                            .coverage = 0,
+                            .triangles = 0},
           .T_scene_color = {{0, 0, 1, 2, -1, 0, 0, 0.5, 0, -1, 0, 1.5}}};
 }
 
@@ -75,6 +89,9 @@ TEST(ServerMessage, StatsHaveTheFieldsOfTheSpecification) {
                 "drops": 1, "queue": 2, "encode_ms": 2.0, "lost": 4,
                 "repaired": 9, "slice_loss": 0.01, "delay_ms": 1.5, "recording": true}],
     "depth_age_s": 3.5, "recording": {"active": true, "seconds": 12.5, "dropped": 3},
+    "scan": {"state": "compute", "age_s": 0.5, "positions": 6, "recorded": 5, "left_out": 1, "columns": 3, "rows": 2,
+             "cells": "112111", "pan_deg": [30.0, -30.0], "tilt_deg": [10.0, -10.0], "text": "register",
+             "notes": "pan -30.0 tilt 10.0: no colour picture came\n", "coverage": 0.0, "triangles": 0},
     "T_scene_color": [0.0, 0.0, 1.0, 2.0, -1.0, 0.0, 0.0, 0.5, 0.0, -1.0, 0.0, 1.5]})");
   EXPECT_EQ(json, expected);
 }
@@ -114,12 +131,33 @@ TEST(ServerMessage, EveryMissingOrMistypedFieldIsRefusedByName) {
   for (const auto& [name, value] : good.items()) {
     nlohmann::json missing = good;
     missing.erase(name);
-    EXPECT_EQ(ParseServerMessage(missing.dump()).has_value(), name == "T_scene_color") << name;
+    EXPECT_EQ(ParseServerMessage(missing.dump()).has_value(), name == "T_scene_color" || name == "scan")
+        << name;
     nlohmann::json mistyped = good;
     mistyped[name] = nullptr;
     const auto message = ParseServerMessage(mistyped.dump());
     ASSERT_FALSE(message) << name;
     EXPECT_NE(message.error().message.find(name), std::string::npos) << message.error().message;
+  }
+}
+
+TEST(ServerMessage, EveryWrongFieldOfAScanIsRefusedByName) {
+  const nlohmann::json good = nlohmann::json::parse(ToJson(FullStats()));
+  for (const auto& [name, value] : good["scan"].items()) {
+    nlohmann::json wrong = good;
+    wrong["scan"][name] = nullptr;
+    const auto message = ParseServerMessage(wrong.dump());
+    ASSERT_FALSE(message) << name;
+    EXPECT_NE(message.error().message.find(name), std::string::npos) << message.error().message;
+  }
+  for (const auto& [name, value] : {std::pair<const char*, nlohmann::json>{"state", "asleep"},
+                                    {"cells", "11211"},
+                                    {"cells", "112114"},
+                                    {"rows", 513},
+                                    {"columns", -1}}) {
+    nlohmann::json wrong = good;
+    wrong["scan"][name] = value;
+    EXPECT_FALSE(ParseServerMessage(wrong.dump())) << name;
   }
 }
 

@@ -170,6 +170,33 @@ TEST_F(SweepTest, WhereTheHeadDoesNotGoIsLeftOutByName) {
   ExpectRecorded(kPlaces);
   ASSERT_EQ(news_.size(), 6u);
   EXPECT_NE(news_[1].find("position 2 of 6 is left out: pan 170.0"), std::string::npos) << news_[1];
+  const ScanProgress progress = sweep.Progress();
+  EXPECT_EQ(progress.recorded, 5);
+  EXPECT_EQ(progress.left_out, 1);
+  EXPECT_NE(progress.notes.find("pan 170.0 tilt 12.0: the head does not go there"), std::string::npos)
+      << progress.notes;
+  EXPECT_TRUE(progress.map.cells.empty()) << "these positions are no grid";
+}
+
+TEST_F(SweepTest, TheMapFillsAsTheHeadSeesIt) {
+  using enum SweepCell;
+  SweepRecorder sweep = Recorder({{-30, 12}, {0, 12}, {170, 12}, {170, -8}, {0, -8}, {-30, -8}});
+  EXPECT_EQ(sweep.Progress().map.cells, std::vector<SweepCell>(6, kToCome)) << "no head was heard of";
+  bool seen = false;
+  ASSERT_TRUE(Run(sweep, 80, [&] {
+    if (seen || sweep.recorded() < 2) return;
+    seen = true;
+    EXPECT_EQ(sweep.Progress().map.cells,
+              (std::vector<SweepCell>{kHead, kRecorded, kRecorded, kToCome, kToCome, kToCome}));
+  }));
+  EXPECT_TRUE(seen);
+  const SweepMap map = sweep.Progress().map;
+  EXPECT_EQ(map.columns, 3);
+  EXPECT_EQ(map.rows, 2);
+  EXPECT_EQ(map.pan_deg, (std::array<float, 2>{170, -30}));
+  EXPECT_EQ(map.tilt_deg, (std::array<float, 2>{12, -8}));
+  EXPECT_EQ(map.cells,
+            (std::vector<SweepCell>{kLeftOut, kRecorded, kRecorded, kLeftOut, kRecorded, kRecorded}));
 }
 
 TEST_F(SweepTest, WithoutAnAgentEndsSoonAndSaysSo) {

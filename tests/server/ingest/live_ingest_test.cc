@@ -180,6 +180,31 @@ TEST_F(LiveIngestTest, ForgedTimesAndNumbersAreRefused) {
   EXPECT_EQ(ingest_.Status().drops.at("bad_health"), 1);
 }
 
+TEST_F(LiveIngestTest, OneScanIsFollowedToItsEnd) {
+  const auto say = [&](std::int64_t epoch, std::int64_t sequence, ScanState state, std::int64_t now_us) {
+    auto message = ToMessage({.state = state, .positions = 4});
+    message.epoch = epoch;
+    message.sequence = sequence;
+    ingest_.OnScan(message, now_us);
+  };
+  EXPECT_FALSE(ingest_.Status().scan);
+  say(5, 0, ScanState::kSweep, 1'000'000);
+  say(5, 2, ScanState::kCompute, 1'500'000);
+  say(5, 1, ScanState::kSweep, 1'600'000);    // late
+  say(5, 2, ScanState::kCompute, 1'700'000);  // twice
+  say(6, 9, ScanState::kSweep, 2'000'000);    // another's
+  EXPECT_EQ(ingest_.Status().scan->progress.state, ScanState::kCompute);
+  EXPECT_EQ(ingest_.Status().scan->last_heard_us, 1'500'000);
+  EXPECT_EQ(ingest_.Status().drops.at("other_scan"), 1);
+  say(6, 10, ScanState::kSweep, 1'500'001 + LiveIngest::kScanSilentUs);
+  EXPECT_EQ(ingest_.Status().scan->epoch, 6) << "the first was killed";
+  say(6, 11, ScanState::kFailed, 5'000'000);
+  say(7, 0, ScanState::kSweep, 5'100'000);
+  EXPECT_EQ(ingest_.Status().scan->epoch, 7) << "the second had ended";
+  say(0, 1, ScanState::kSweep, 5'200'000);
+  EXPECT_EQ(ingest_.Status().drops.at("bad_scan"), 1);
+}
+
 TEST_F(LiveIngestTest, AgentsNamesAreMadeHarmless) {
   mixstage_lcm::agent_health_t health{};
   health.epoch = 7;
