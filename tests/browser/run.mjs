@@ -18,6 +18,7 @@ import { kAgentChecks, kLastChecks, kLiveChecks, kServerChecks } from './checks.
 import { Director, launch } from './director.mjs';
 import { kLoginChecks, kNoWebGlChecks } from './login_checks.mjs';
 import { Program, freePort, waitForPage } from './programs.mjs';
+import { kScanChecks } from './scan_checks.mjs';
 import { kSceneChecks } from './scene_checks.mjs';
 
 const text = { type: 'string' };
@@ -36,6 +37,7 @@ const { values: options } = parseArgs({
 const kServer =
   '{build}/mixstage-server run --rig {demo}/rig.json --scene {scene}/scene.yaml --listen {listen} --lcm {lcm} --page {build}/page';
 const kAgent = '{build}/mixstage-agent --source synthetic --lcm {lcm}';
+const kScan = '{build}/mixstage-server --log-level warn scan --live --lcm {lcm} --rig {demo}/rig.json';
 
 function command(template, values) {
   return template.split(/\s+/).map((word) => word.replace(/\{(\w+)\}/g, (_, name) => values[name] ?? ''));
@@ -138,6 +140,33 @@ async function openWithLogin(browser, values, shots) {
   await server.end('SIGTERM');
 }
 
+/** A show of its own whose room is scanned: nobody stands in it. */
+async function openDuringAScan(values, shots) {
+  const show = { ...values, listen: `127.0.0.1:${await freePort()}` };
+  const server = new Program('server', command(kServer, show), join(shots, 'scan_show_server.log'));
+  const agent = new Program(
+    'agent',
+    command(kAgent.replace('synthetic', 'synthetic:empty'), show),
+    join(shots, 'scan_agent.log'),
+  );
+  server.start();
+  agent.start();
+  const url = `http://${show.listen}/`;
+  await waitForPage(url, server);
+  const scan = (name, ...more) => {
+    const out = join(values.scene, name);
+    const program = new Program('scan', [...command(kScan, show), '--out', out, ...more], join(shots, 'scan.log'));
+    program.start();
+    return program;
+  };
+  const browser = await launch();
+  const director = await Director.open(browser, url, shots);
+  await run({ ...kScanChecks, ...kLastChecks }, { director, scan, state: {} });
+  await browser.close();
+  await agent.end('SIGTERM');
+  await server.end('SIGTERM');
+}
+
 /** Where 3D cannot be drawn. */
 async function openWithoutWebGl(url, shots) {
   const browser = await launch(['--disable-webgl', '--disable-webgl2', '--disable-software-rasterizer']);
@@ -181,6 +210,7 @@ async function main() {
   await openWithoutWebGl(url, shots);
   if (agent !== null) await agent.end('SIGTERM');
   if (server !== null) await server.end('SIGTERM');
+  if (options.build !== undefined && agent !== null) await openDuringAScan(values, shots);
   console.log(
     failures === 0 ? `all passed; pictures in ${shots}` : `${failures} failed; pictures in ${shots}`,
   );

@@ -12,6 +12,7 @@ import {
   textAt,
   type JsonRecord,
 } from './json_fields';
+import { scanProgressOf, type ScanProgress } from './scan_progress';
 
 export const kServerStates = ['live', 'learning', 'no_agent', 'stalled', 'no_depth'] as const;
 export type ServerState = (typeof kServerStates)[number];
@@ -72,6 +73,8 @@ export interface Stats {
   recording: Recording | null;
   /** Where the last picture's colour camera stands, rows of a 3 x 4 matrix; null: not known. */
   T_scene_color: number[] | null;
+  /** A live scan of the room; null: none has been heard of for a minute. */
+  scan: ScanProgress | null;
 }
 
 /** What an older server leaves out is not known. */
@@ -141,5 +144,6 @@ export function statsOf(record: JsonRecord): Stats {
     depth_age_s: numberAt(record, 'depth_age_s'),
     recording: ifThere(record, 'recording', recordingAt),
     T_scene_color: ifThere(record, 'T_scene_color', (from, key) => numbersAt(from, key, 12)),
+    scan: ifThere(record, 'scan', (from, key) => scanProgressOf(recordOf(from[key], key))),
   };
 }

@@ -35,6 +35,7 @@ import { Rail } from './rail';
 import { readingDetail, readingText } from './reading_text';
 import { RingOverlay } from './ring_overlay';
 import { RoomPane } from './room_pane';
+import { ScanPanel } from './scan_panel';
 import { SceneSection } from './scene_section';
 import { listenForShortcuts } from './shortcuts';
 import { kStaleAfter_s, stateOf } from './state_sentence';
@@ -80,6 +81,7 @@ export class Page {
     room: this.#room.pane,
   };
   readonly #notice = new Notice();
+  readonly #scan = new ScanPanel();
   readonly #login = new LoginForm((token) => this.#logIn(token));
   readonly #ring = new RingOverlay();
   readonly #placing = el('p', { class: 'placing', testid: 'placing', attributes: { role: 'status' } });
@@ -278,7 +280,7 @@ export class Page {
     if (layout.arrangement === 'beside') this.#details.width_px = layout.rail.width;
     this.#rail.setVisible(this.#visible);
     setData(this.#stage, 'arrangement', layout.arrangement);
-    this.#panes[main].frame.append(this.#notice.root);
+    this.#panes[main].frame.append(this.#notice.root, this.#scan.root);
     this.#panes[main].body.append(this.#login.root);
   }
 
@@ -387,6 +389,7 @@ export class Page {
     this.#panes.matte.setNote(note);
     this.#scale.setRange(status.range);
     this.#showFrozen(status.frozen_frame);
+    this.#scan.show(this.#stats?.scan ?? null);
     this.#rail.setRecording(this.#stats?.recording ?? null);
     this.#rail.setAgents(status.link.phase === 'open' ? (this.#stats?.agents ?? []) : []);
     const now_ms = performance.now();
