@@ -17,7 +17,7 @@ std::uint8_t ToByte(float log_odds) {
 }  // namespace
 
 void FindColorEvidenceScalar(const HalfPicture& picture, const BackgroundModel& model, const ToneChange& tone,
-                             const ShadowConfig& config, const cv::Mat1f& texture, ColorEvidence* evidence) {
+                             const ShadowConfig& config, const cv::Mat1f& texture, const cv::Mat1b& actor, ColorEvidence* evidence) {
   evidence->room.create(picture.height(), picture.width());
   evidence->shadow.create(picture.height(), picture.width());
   for (int y = 0; y < picture.height(); ++y) {
@@ -42,7 +42,8 @@ void FindColorEvidenceScalar(const HalfPicture& picture, const BackgroundModel& 
         along += I_t[c] * I_m[c] / variance[c];
         length += I_m[c] * I_m[c] / variance[c];
       }
-      evidence->room(y, x) = ToByte(kColorTail * std::min(D_t, kFarthest) + model.log_peak_room(y, x));
+      const float own = static_cast<float>(actor(y, x) - kNoEvidence) * kEvidencePerByte;
+      evidence->room(y, x) = ToByte(kColorTail * std::min(D_t, kFarthest) + model.log_peak_room(y, x) + own);
 
       // piVE eq (5)-(8) in another form: I_t and s I_m have the same normalised rgb where only brightness
       // changed, and the distance is measured where its noise is known, before the division. (piVE's sentence
@@ -57,7 +58,7 @@ void FindColorEvidenceScalar(const HalfPicture& picture, const BackgroundModel& 
       const float cost = config.darkness_cost * std::max(config.usual_least - s, 0.0f) +
                          kBrighterCost * std::max(s - kBrighter, 0.0f);
       evidence->shadow(y, x) = ToByte(kShadowTail * std::min(chroma, kFarthest) +
-                                      model.log_peak_shadow(y, x) + cost + texture(y / 2, x / 2));
+                                      model.log_peak_shadow(y, x) + cost + texture(y / 2, x / 2) + own);
     }
   }
 }

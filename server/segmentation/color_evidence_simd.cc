@@ -26,6 +26,7 @@ struct ColorRow {
   const float* log_peak_room;
   const float* log_peak_shadow;
   const float* texture;  // already at half resolution
+  const std::uint8_t* actor;
   std::uint8_t* room;
   std::uint8_t* shadow;
 };
@@ -89,9 +90,9 @@ HWY_INLINE void EvidenceAt(D d, const ColorRow& row, std::size_t x, const ToneCh
     length = hn::MulAdd(I_m[c], weighted, length);
   }
   const V farthest = hn::Set(d, kFarthest);
-  StoreEvidence(
-      d, hn::MulAdd(hn::Set(d, kColorTail), hn::Min(D_t, farthest), hn::LoadU(d, row.log_peak_room + x)),
-      row.room + x);
+  const V own = hn::Mul(hn::Sub(Load(d, row.actor + x), hn::Set(d, kNoEvidence)), hn::Set(d, kEvidencePerByte));
+  const V peak = hn::Add(hn::LoadU(d, row.log_peak_room + x), own);
+  StoreEvidence(d, hn::MulAdd(hn::Set(d, kColorTail), hn::Min(D_t, farthest), peak), row.room + x);
 
   const V s = hn::Div(along, hn::Max(length, hn::Set(d, 1e-3f)));
   const V tolerance = hn::Mul(hn::Set(d, config.chroma_tolerance), hn::Sub(one, s));
@@ -109,8 +110,8 @@ HWY_INLINE void EvidenceAt(D d, const ColorRow& row, std::size_t x, const ToneCh
   const V dark =
       hn::Mul(hn::Set(d, config.darkness_cost), hn::Max(hn::Sub(hn::Set(d, config.usual_least), s), zero));
   const V bright = hn::Mul(hn::Set(d, kBrighterCost), hn::Max(hn::Sub(s, hn::Set(d, kBrighter)), zero));
-  const V likelihood =
-      hn::MulAdd(hn::Set(d, kShadowTail), hn::Min(chroma, farthest), hn::LoadU(d, row.log_peak_shadow + x));
+  const V shadow_peak = hn::Add(hn::LoadU(d, row.log_peak_shadow + x), own);
+  const V likelihood = hn::MulAdd(hn::Set(d, kShadowTail), hn::Min(chroma, farthest), shadow_peak);
   StoreEvidence(d, hn::Add(hn::Add(likelihood, hn::Add(dark, bright)), hn::LoadU(d, row.texture + x)),
                 row.shadow + x);
 }
@@ -138,9 +139,10 @@ namespace mixstage {
 HWY_EXPORT(EvidenceRow);
 
 void FindColorEvidence(const HalfPicture& picture, const BackgroundModel& model, const ToneChange& tone,
-                       const ShadowConfig& config, const cv::Mat1f& texture, ColorEvidence* evidence) {
+                       const ShadowConfig& config, const cv::Mat1f& texture, const cv::Mat1b& actor, ColorEvidence* evidence) {
   MIX_CHECK(evidence != nullptr && model.mean[0].size() == picture.r.size());
   MIX_CHECK(texture.rows == Half(picture.height()) && texture.cols == Half(picture.width()));
+  MIX_CHECK(actor.size() == picture.r.size());
   evidence->room.create(picture.height(), picture.width());
   evidence->shadow.create(picture.height(), picture.width());
   const auto width = static_cast<std::size_t>(picture.width());
@@ -159,6 +161,7 @@ void FindColorEvidence(const HalfPicture& picture, const BackgroundModel& model,
         .log_peak_room = model.log_peak_room.ptr<float>(y),
         .log_peak_shadow = model.log_peak_shadow.ptr<float>(y),
         .texture = wide.data(),
+        .actor = actor.ptr<std::uint8_t>(y),
         .room = evidence->room.ptr<std::uint8_t>(y),
         .shadow = evidence->shadow.ptr<std::uint8_t>(y)};
     HWY_DYNAMIC_DISPATCH(EvidenceRow)(row, width, tone, config);

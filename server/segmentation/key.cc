@@ -28,15 +28,14 @@ void EnlargeEvidence(const cv::Mat1f& from, float scale, float offset, cv::Size 
 }  // namespace
 
 Result<Key> Key::Create(const KeyConfig& c) {
-  for (const float value : {c.actor_prior, c.room_weight, c.neighbor_strength, c.shadow.darkness_cost,
+  for (const float value : {c.actor_prior, c.room_weight, c.own_weight, c.shadow.darkness_cost,
                             c.depth.most, c.depth.least}) {
     if (!std::isfinite(value) || std::abs(value) > 100) {
       return Fail(ErrorCode::kInvalidConfig, "the key's log-odds must be finite and within 100");
     }
   }
-  if (c.neighbor_rounds < 0 || c.neighbor_rounds > 8 || c.neighbor_strength < 0 || c.room_weight < 0) {
-    return Fail(ErrorCode::kInvalidConfig,
-                "neighbor_rounds must be 0 to 8, neighbor_strength and room_weight >= 0");
+  if (c.own_weight < 0 || c.room_weight < 0) {
+    return Fail(ErrorCode::kInvalidConfig, "own_weight and room_weight must be >= 0");
   }
   if (!(c.depth.most > 0 && c.depth.least < 0 && c.depth.actor_speed_m_s >= 0)) {
     return Fail(ErrorCode::kInvalidConfig,
@@ -63,7 +62,8 @@ void Key::Run(const BackgroundModel& model, const HalfPicture& picture, ImageVie
 
   tone_ = FindToneChange(picture, model.mean, actor_around_);
   shadow_texture_.Run(picture, model, tone_, &texture_);
-  FindColorEvidence(picture, model, tone_, config_.shadow, texture_, &color_);
+  actor_colors_.Rate(picture, &likelihood_);
+  FindColorEvidence(picture, model, tone_, config_.shadow, texture_, likelihood_, &color_);
   room_mean_.Run(color_.room, &room_around_);
 
   if (!depth_m.empty() && model.has_depth()) {
@@ -80,11 +80,13 @@ void Key::Run(const BackgroundModel& model, const HalfPicture& picture, ImageVie
 
   Fuse({color_.room, room_around_, color_.shadow, depth_, inside_, config_.actor_prior, config_.room_weight},
        &evidence_);
-  neighbor_vote_.Run(evidence_, config_.neighbor_strength, config_.neighbor_rounds, &decision_);
+  neighbor_vote_.Run(evidence_, picture, model, tone_, config_.own_weight, &decision_);
   region_filter_.Run(evidence_, config_.regions, &decision_);
   Decide(model);
   edge_coverage_.Run(picture, model, tone_, half_mask_, &half_alpha_);
   cv::threshold(half_alpha_, half_mask_, 127, 255, cv::THRESH_BINARY);
+  cv::erode(half_mask_, core_, cv::getStructuringElement(cv::MORPH_RECT, {9, 9}));
+  actor_colors_.Learn(picture, core_, evidence_);
   cv::dilate(half_mask_, actor_around_, cv::getStructuringElement(cv::MORPH_RECT, {9, 9}));
   WriteFullSize(label, alpha);
 }

@@ -9,6 +9,7 @@
 
 #include "proto/base/image_view.h"
 #include "proto/base/result.h"
+#include "server/segmentation/actor_colors.h"
 #include "server/segmentation/background_model.h"
 #include "server/segmentation/box_mean.h"
 #include "server/segmentation/color_evidence.h"
@@ -25,8 +26,7 @@ namespace mixstage {
 struct KeyConfig {
   float actor_prior = -0.5f;       // log-odds of "actor" before anything is seen
   float room_weight = 8.0f;        // log-odds against "actor" where a whole neighbourhood equals the room
-  float neighbor_strength = 3.0f;  // log-odds of a neighbourhood that agrees; 0 = every pixel alone
-  int neighbor_rounds = 2;         // 0..8
+  float own_weight = 0.02f;        // of a pixel's own evidence beside its neighbourhood's mean
   ShadowConfig shadow{};
   DepthEvidenceConfig depth{};
   RegionConfig regions{};
@@ -42,8 +42,8 @@ class Key {
   // depth_age_s  >= 0: colour's instant less depth's (what motion compensation has not removed)
   // label    [h x w]  out: values of Label
   // alpha    [h x w]  out: coverage 0..255; >= 128 exactly where label is kLabelActor
-  // Sizes that differ from the model's are a caller bug (checked). Remembers only where the last frame's
-  // actor was, and that only for the tone change. Allocates on a new size only; one thread at a time.
+  // Sizes that differ from the model's are a caller bug (checked). Remembers of earlier frames
+  // which colours actors wore, and for the tone change where the last one was. Allocates on a new size only; one thread at a time.
   void Run(const BackgroundModel& model, const HalfPicture& picture, ImageView<const float> depth_m,
            float depth_age_s, ImageView<std::uint8_t> label, ImageView<std::uint8_t> alpha);
 
@@ -60,12 +60,14 @@ class Key {
   ToneChange tone_;
   ShadowTexture shadow_texture_;
   DepthEvidence depth_evidence_;
+  ActorColors actor_colors_;
   NeighborVote neighbor_vote_;
   RegionFilter region_filter_;
   EdgeCoverage edge_coverage_;
   ColorEvidence color_;
   BoxMean room_mean_{2};
   cv::Mat1f texture_;
+  cv::Mat1b likelihood_, core_;           // [Half x Half]
   cv::Mat1b room_around_;                 // [Half x Half] mean of color_.room over 5x5
   cv::Mat1b depth_small_, inside_small_;  // [Quarter x Quarter] as bytes
   cv::Mat1b depth_, inside_;              // the same at half size

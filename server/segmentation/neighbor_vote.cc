@@ -2,8 +2,11 @@
 #include "server/segmentation/neighbor_vote.h"
 
 #include <algorithm>
+#include <cmath>
+#include <cstddef>
 #include <cstdint>
 
+#include "proto/base/check.h"
 #include "server/segmentation/color_evidence.h"
 
 #undef HWY_TARGET_INCLUDE
@@ -11,52 +14,124 @@
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
 #include <hwy/highway.h>
 
+#ifndef MIXSTAGE_NEIGHBOR_VOTE_ROW_
+#define MIXSTAGE_NEIGHBOR_VOTE_ROW_
+namespace mixstage {
+
+// One row of the picture and the room, and the one whose pixels are compared with it.
+struct EdgeRow {
+  std::array<const std::uint8_t*, 3> picture, picture_next;
+  std::array<const std::uint8_t*, 3> room, room_next;
+  const float* light;
+  const float* light_next;
+  float* keep;
+};
+
+// Reach of the first round in a stretch without edges, half pixels; the second reaches half as far.
+inline constexpr float kReach = 18.0f;
+// Sum over the channels, grey levels above the noise, across which nothing is handed on.
+inline constexpr float kFullEdge = 228.0f;
+inline constexpr float kDarkest = 0.2f;
+inline constexpr int kRounds = 2;
+// Beyond, evidence is only more certain of the same.
+inline constexpr float kClear = 3.0f;
+
+}  // namespace mixstage
+#endif
+
 HWY_BEFORE_NAMESPACE();
 namespace mixstage {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Full vote (+-125) at +-3 log-odds: where tanh(L / 2), which mean field asks for, has all but saturated.
-inline constexpr int kFullVote = static_cast<int>(3 / kEvidencePerByte) + 2;
-inline constexpr int kVoteFactor = 5;  // in halves: 50 * 5 / 2 = 125
-
-void VoteRow(const std::uint8_t* HWY_RESTRICT from, int width, std::uint8_t* HWY_RESTRICT to) {
-  const hn::ScalableTag<std::int16_t> d16;
-  const hn::Rebind<std::uint8_t, decltype(d16)> d8;
-  const int lanes = static_cast<int>(hn::Lanes(d16));
-  const auto middle = hn::Set(d16, kNoEvidence);
-  int x = 0;
-  for (; x + lanes <= width; x += lanes) {
-    const auto own = hn::Sub(hn::PromoteTo(d16, hn::LoadU(d8, from + x)), middle);
-    const auto limited = hn::Min(hn::Max(own, hn::Set(d16, -kFullVote)), hn::Set(d16, kFullVote));
-    const auto vote = hn::ShiftRight<1>(hn::Mul(limited, hn::Set(d16, kVoteFactor)));
-    hn::StoreU(hn::DemoteTo(d8, hn::Add(vote, middle)), d8, to + x);
-  }
-  for (; x < width; ++x) {
-    const int limited = std::min(std::max(from[x] - kNoEvidence, -kFullVote), kFullVote);
-    to[x] = static_cast<std::uint8_t>(kNoEvidence + ((limited * kVoteFactor) >> 1));
-  }
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE V LoadByte(D d, const std::uint8_t* from) {
+  const hn::Rebind<std::uint8_t, D> d8;
+  const hn::Rebind<std::int32_t, D> d32;
+  return hn::ConvertTo(d, hn::PromoteTo(d32, hn::LoadU(d8, from)));
 }
 
-// to = own + weight * (mean - 128) / 128, saturating.
-void AddVoteRow(const std::uint8_t* HWY_RESTRICT own, const std::uint8_t* HWY_RESTRICT mean, int weight,
-                int width, std::uint8_t* HWY_RESTRICT to) {
-  const hn::ScalableTag<std::int16_t> d16;
-  const hn::Rebind<std::uint8_t, decltype(d16)> d8;
-  const int lanes = static_cast<int>(hn::Lanes(d16));
-  const auto middle = hn::Set(d16, kNoEvidence);
-  const auto factor = hn::Set(d16, static_cast<std::int16_t>(weight));
-  int x = 0;
-  for (; x + lanes <= width; x += lanes) {
-    const auto vote = hn::Sub(hn::PromoteTo(d16, hn::LoadU(d8, mean + x)), middle);
-    const auto sum =
-        hn::Add(hn::PromoteTo(d16, hn::LoadU(d8, own + x)), hn::ShiftRight<7>(hn::Mul(vote, factor)));
-    hn::StoreU(hn::DemoteTo(d8, sum), d8, to + x);
+template <class D>
+HWY_INLINE void LightAt(D d, const EdgeRow& row, std::size_t x, float* light) {
+  auto along = hn::Zero(d);
+  auto length = hn::Set(d, 1.0f);
+  for (std::size_t c = 0; c < 3; ++c) {
+    const auto room = LoadByte(d, row.room[c] + x);
+    along = hn::MulAdd(LoadByte(d, row.picture[c] + x), room, along);
+    length = hn::MulAdd(room, room, length);
   }
-  for (; x < width; ++x) {
-    const int sum = own[x] + (((mean[x] - kNoEvidence) * weight) >> 7);
-    to[x] = static_cast<std::uint8_t>(std::min(std::max(sum, 0), 255));
+  const auto ratio = hn::Div(along, length);
+  hn::StoreU(hn::Min(hn::Max(ratio, hn::Set(d, kDarkest)), hn::Set(d, 1.0f)), d, light + x);
+}
+
+// Contrast to the next pixel: the least of what the picture shows and what remains of it once the room's own
+// contrast, as it is or in shadow, is taken off.
+template <class D>
+HWY_INLINE void KeepAt(D d, const EdgeRow& row, std::size_t x, float noise, float most) {
+  const auto light = hn::Min(hn::LoadU(d, row.light + x), hn::LoadU(d, row.light_next + x));
+  auto plain = hn::Zero(d), lit = plain, dark = plain;
+  for (std::size_t c = 0; c < 3; ++c) {
+    const auto seen = hn::Sub(LoadByte(d, row.picture_next[c] + x), LoadByte(d, row.picture[c] + x));
+    const auto room = hn::Sub(LoadByte(d, row.room_next[c] + x), LoadByte(d, row.room[c] + x));
+    plain = hn::Add(plain, hn::Abs(seen));
+    lit = hn::Add(lit, hn::Abs(hn::Sub(seen, room)));
+    dark = hn::Add(dark, hn::Abs(hn::NegMulAdd(light, room, seen)));
   }
+  const auto contrast =
+      hn::Max(hn::Sub(hn::Min(plain, hn::Min(lit, dark)), hn::Set(d, noise)), hn::Zero(d));
+  const auto open = hn::Max(hn::NegMulAdd(contrast, hn::Set(d, 1 / kFullEdge), hn::Set(d, 1.0f)), hn::Zero(d));
+  const auto squared = hn::Mul(open, open);
+  hn::StoreU(hn::Mul(hn::Mul(squared, squared), hn::Set(d, most)), d, row.keep + x);
+}
+
+template <class Step>
+HWY_INLINE void ForRow(std::size_t width, Step step) {
+  const hn::ScalableTag<float> d;
+  const std::size_t lanes = hn::Lanes(d);
+  std::size_t x = 0;
+  for (; x + lanes <= width; x += lanes) step(d, x);
+  for (; x < width; ++x) step(hn::CappedTag<float, 1>(), x);
+}
+
+void LightRow(const EdgeRow& row, std::size_t width, float* light) {
+  ForRow(width, [&](auto d, std::size_t x) { LightAt(d, row, x, light); });
+}
+
+void KeepRow(const EdgeRow& row, std::size_t width, float noise, float most) {
+  ForRow(width, [&](auto d, std::size_t x) { KeepAt(d, row, x, noise, most); });
+}
+
+// to += keep^(1 + round) * (from - to)
+void HandOnRow(const float* HWY_RESTRICT from, const float* HWY_RESTRICT keep, int round, std::size_t width,
+               float* HWY_RESTRICT to) {
+  ForRow(width, [&](auto d, std::size_t x) {
+    auto share = hn::LoadU(d, keep + x);
+    if (round == 1) share = hn::Mul(share, share);
+    const auto own = hn::LoadU(d, to + x);
+    hn::StoreU(hn::MulAdd(share, hn::Sub(hn::LoadU(d, from + x), own), own), d, to + x);
+  });
+}
+
+void LoadVotes(const std::uint8_t* HWY_RESTRICT evidence, std::size_t width, float* HWY_RESTRICT vote) {
+  ForRow(width, [&](auto d, std::size_t x) {
+    const auto own =
+        hn::Mul(hn::Sub(LoadByte(d, evidence + x), hn::Set(d, kNoEvidence)), hn::Set(d, kEvidencePerByte));
+    hn::StoreU(hn::Min(hn::Max(own, hn::Set(d, -kClear)), hn::Set(d, kClear)), d, vote + x);
+  });
+}
+
+void DecideRow(const std::uint8_t* HWY_RESTRICT evidence, const float* HWY_RESTRICT vote, float own_weight,
+               std::size_t width, std::uint8_t* HWY_RESTRICT decision) {
+  ForRow(width, [&](auto d, std::size_t x) {
+    const hn::Rebind<std::int32_t, decltype(d)> d32;
+    const hn::Rebind<std::uint8_t, decltype(d)> d8;
+    const auto own = hn::Sub(LoadByte(d, evidence + x), hn::Set(d, kNoEvidence));
+    const auto mean = hn::MulAdd(hn::LoadU(d, vote + x), hn::Set(d, 1 / kEvidencePerByte),
+                                 hn::Set(d, kNoEvidence + 0.5f));
+    const auto sum = hn::MulAdd(own, hn::Set(d, own_weight), mean);
+    const auto byte = hn::Min(hn::Max(sum, hn::Zero(d)), hn::Set(d, 255.0f));
+    hn::StoreU(hn::DemoteTo(d8, hn::ConvertTo(d32, byte)), d8, decision + x);
+  });
 }
 
 }  // namespace HWY_NAMESPACE
@@ -65,26 +140,169 @@ HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 namespace mixstage {
+namespace {
 
-HWY_EXPORT(VoteRow);
-HWY_EXPORT(AddVoteRow);
+HWY_EXPORT(LightRow);
+HWY_EXPORT(KeepRow);
+HWY_EXPORT(HandOnRow);
+HWY_EXPORT(LoadVotes);
+HWY_EXPORT(DecideRow);
 
-void NeighborVote::Run(const cv::Mat1b& evidence, float strength, int rounds, cv::Mat1b* decision) {
-  vote_.create(evidence.size());
-  evidence.copyTo(*decision);
-  // A product of two bytes' worth must stay within 16 bits.
-  const int weight = static_cast<int>(std::min(strength / kEvidencePerByte, 255.0f));
-  for (int round = 0; round < rounds; ++round) {
-    for (int y = 0; y < evidence.rows; ++y) {
-      HWY_DYNAMIC_DISPATCH(VoteRow)
-      (decision->ptr<std::uint8_t>(y), evidence.cols, vote_.ptr<std::uint8_t>(y));
+// Blocks in which at least kLeast of kBlock^2 pixels speak for an actor; what he may be lies within kMargin
+// of them.
+constexpr int kBlock = 8;
+constexpr int kLeast = 6;
+constexpr int kMargin = 16;
+
+// Sum over the channels of |difference| that two pixels of one surface show by noise alone, typically.
+float NoiseOfContrast(const BackgroundModel& model) {
+  constexpr int kStep = 16;
+  double sum = 0;
+  int count = 0;
+  for (int y = kStep / 2; y < model.variance[0].rows; y += kStep) {
+    for (int x = kStep / 2; x < model.variance[0].cols; x += kStep) {
+      for (const cv::Mat1f& variance : model.variance) sum += std::sqrt(variance(y, x));
+      ++count;
     }
-    box_.Run(vote_, &mean_);
-    for (int y = 0; y < evidence.rows; ++y) {
-      HWY_DYNAMIC_DISPATCH(AddVoteRow)
-      (evidence.ptr<std::uint8_t>(y), mean_.ptr<std::uint8_t>(y), weight, evidence.cols,
-       decision->ptr<std::uint8_t>(y));
+  }
+  // E|a - b| = 2 sigma / sqrt(pi).
+  return count == 0 ? 0.0f : static_cast<float>(1.128 * sum / count);
+}
+
+// Many rows beside each other: each one's recursion waits for its last product, eight do not.
+void HandOnAlong(cv::Mat1f* vote, const cv::Mat1f& keep, int first, int rows, int round) {
+  constexpr int kTogether = 8;
+  std::array<float*, kTogether> v{};
+  std::array<const float*, kTogether> k{};
+  std::array<float, kTogether> last{};
+  for (int i = 0; i < kTogether; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    v[at] = vote->ptr<float>(first + std::min(i, rows - 1));
+    k[at] = keep.ptr<float>(first + std::min(i, rows - 1));
+    last[at] = v[at][0];
+  }
+  const auto share = [&](std::size_t i, int x) { return round == 1 ? k[i][x] * k[i][x] : k[i][x]; };
+  const auto count = static_cast<std::size_t>(rows);
+  for (int x = 1; x < vote->cols; ++x) {
+    for (std::size_t i = 0; i < count; ++i) {
+      const float own = v[i][x];
+      last[i] = own + share(i, x - 1) * (last[i] - own);
+      v[i][x] = last[i];
     }
+  }
+  for (int x = vote->cols - 2; x >= 0; --x) {
+    for (std::size_t i = 0; i < count; ++i) {
+      const float own = v[i][x];
+      last[i] = own + share(i, x) * (last[i] - own);
+      v[i][x] = last[i];
+    }
+  }
+}
+
+}  // namespace
+
+cv::Rect NeighborVote::BoxOfActors(const cv::Mat1b& evidence) const {
+  int left = evidence.cols, right = 0, top = evidence.rows, bottom = 0;
+  for (int y = 0; y < evidence.rows; y += kBlock) {
+    for (int x = 0; x < evidence.cols; x += kBlock) {
+      if (x >= left && x < right && y >= top && y < bottom) continue;
+      int count = 0;
+      for (int v = y; v < std::min(y + kBlock, evidence.rows); ++v) {
+        const std::uint8_t* row = evidence.ptr<std::uint8_t>(v);
+        for (int u = x; u < std::min(x + kBlock, evidence.cols); ++u) count += row[u] > kNoEvidence ? 1 : 0;
+      }
+      if (count < kLeast) continue;
+      left = std::min(left, x);
+      right = std::max(right, x + kBlock);
+      top = std::min(top, y);
+      bottom = std::max(bottom, y + kBlock);
+    }
+  }
+  if (left >= right) return {};
+  const cv::Rect around(left - kMargin, top - kMargin, right - left + 2 * kMargin, bottom - top + 2 * kMargin);
+  return around & cv::Rect({0, 0}, evidence.size());
+}
+
+void NeighborVote::FindEdges(const HalfPicture& picture, const BackgroundModel& model,
+                             const ToneChange& tone) {
+  const std::array<cv::Mat1b, 3> now = {picture.r(box_), picture.g(box_), picture.b(box_)};
+  for (std::size_t c = 0; c < 3; ++c)
+    model.mean[c](box_).convertTo(room_[c], CV_8U, tone.gain[c], tone.offset[c]);
+  for (cv::Mat1f* plane : {&light_, &keep_right_, &keep_down_}) plane->create(box_.size());
+  const float noise = NoiseOfContrast(model);
+  const float most = std::exp(-std::sqrt(2.0f) / kReach);
+  const auto width = static_cast<std::size_t>(box_.width);
+  const auto row_at = [&](int y) {
+    EdgeRow row{};
+    for (std::size_t c = 0; c < 3; ++c) {
+      row.picture[c] = now[c].ptr<std::uint8_t>(y);
+      row.room[c] = room_[c].ptr<std::uint8_t>(y);
+      row.picture_next[c] = row.picture[c] + 1;
+      row.room_next[c] = row.room[c] + 1;
+    }
+    row.light = light_.ptr<float>(y);
+    row.light_next = row.light + 1;
+    row.keep = keep_right_.ptr<float>(y);
+    return row;
+  };
+  for (int y = 0; y < box_.height; ++y) {
+    HWY_DYNAMIC_DISPATCH(LightRow)(row_at(y), width, light_.ptr<float>(y));
+  }
+  for (int y = 0; y < box_.height; ++y) {
+    EdgeRow row = row_at(y);
+    if (width > 1) HWY_DYNAMIC_DISPATCH(KeepRow)(row, width - 1, noise, most);
+    if (y + 1 == box_.height) break;
+    for (std::size_t c = 0; c < 3; ++c) {
+      row.picture_next[c] = now[c].ptr<std::uint8_t>(y + 1);
+      row.room_next[c] = room_[c].ptr<std::uint8_t>(y + 1);
+    }
+    row.light_next = light_.ptr<float>(y + 1);
+    row.keep = keep_down_.ptr<float>(y);
+    HWY_DYNAMIC_DISPATCH(KeepRow)(row, width, noise, most);
+  }
+}
+
+void NeighborVote::FilterAlongRows(int round) {
+  constexpr int kTogether = 8;
+  for (int y = 0; y < box_.height; y += kTogether)
+    HandOnAlong(&vote_, keep_right_, y, std::min(kTogether, box_.height - y), round);
+}
+
+void NeighborVote::FilterAlongColumns(int round) {
+  const auto width = static_cast<std::size_t>(box_.width);
+  for (int y = 1; y < box_.height; ++y) {
+    HWY_DYNAMIC_DISPATCH(HandOnRow)
+    (vote_.ptr<float>(y - 1), keep_down_.ptr<float>(y - 1), round, width, vote_.ptr<float>(y));
+  }
+  for (int y = box_.height - 2; y >= 0; --y) {
+    HWY_DYNAMIC_DISPATCH(HandOnRow)
+    (vote_.ptr<float>(y + 1), keep_down_.ptr<float>(y), round, width, vote_.ptr<float>(y));
+  }
+}
+
+void NeighborVote::Run(const cv::Mat1b& evidence, const HalfPicture& picture, const BackgroundModel& model,
+                       const ToneChange& tone, float own_weight, cv::Mat1b* decision) {
+  MIX_CHECK(decision != nullptr && evidence.size() == picture.r.size() &&
+            evidence.size() == model.mean[0].size());
+  decision->create(evidence.size());
+  cv::min(evidence, kNoEvidence, *decision);
+  box_ = BoxOfActors(evidence);
+  if (box_.empty()) return;
+  FindEdges(picture, model, tone);
+  vote_.create(box_.size());
+  const auto width = static_cast<std::size_t>(box_.width);
+  for (int y = 0; y < box_.height; ++y) {
+    HWY_DYNAMIC_DISPATCH(LoadVotes)
+    (evidence.ptr<std::uint8_t>(box_.y + y) + box_.x, width, vote_.ptr<float>(y));
+  }
+  for (int round = 0; round < kRounds; ++round) {
+    FilterAlongRows(round);
+    FilterAlongColumns(round);
+  }
+  for (int y = 0; y < box_.height; ++y) {
+    HWY_DYNAMIC_DISPATCH(DecideRow)
+    (evidence.ptr<std::uint8_t>(box_.y + y) + box_.x, vote_.ptr<float>(y), own_weight, width,
+     decision->ptr<std::uint8_t>(box_.y + y) + box_.x);
   }
 }
 

@@ -2,6 +2,7 @@
 #include "server/segmentation/shadow_texture.h"
 
 #include <algorithm>
+#include <opencv2/imgproc.hpp>
 
 #include "server/segmentation/box_mean.h"
 
@@ -116,6 +117,9 @@ void ShadowTexture::Run(const HalfPicture& picture, const BackgroundModel& model
       out[x] = 0.8f * std::clamp(residual / expected - 1.0f, 0.0f, 6.0f);
     }
   }
+  // Of the windows that hold a pixel the one that the shadow explains best: others reach across the actor's
+  // outline.
+  cv::erode(*texture, *texture, cv::getStructuringElement(cv::MORPH_RECT, {3, 3}));
 }
 
 }  // namespace mixstage

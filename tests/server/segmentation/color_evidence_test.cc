@@ -29,10 +29,11 @@ TEST(ColorEvidence, SimdEqualsScalarAtEveryWidth) {
     room.Shoot(0.9f);
     room.PaintColor({4, 4, 8, 10}, 20, 30, 160);
     const cv::Mat1f texture(Quarter(20), Quarter(width), 0.5f);
+    const cv::Mat1b actor(Half(20), Half(width), 140);
     const ToneChange tone{{0.9f, 1.1f, 1.0f}, {1, -2, 0}};
     ColorEvidence scalar, simd;
-    FindColorEvidenceScalar(room.picture, model, tone, {}, texture, &scalar);
-    FindColorEvidence(room.picture, model, tone, {}, texture, &simd);
+    FindColorEvidenceScalar(room.picture, model, tone, {}, texture, actor, &scalar);
+    FindColorEvidence(room.picture, model, tone, {}, texture, actor, &simd);
     // One step: the vector form rounds a sum of products once where the scalar rounds twice.
     ASSERT_LE(WorstDifference(scalar.room, simd.room), 1) << width;
     ASSERT_LE(WorstDifference(scalar.shadow, simd.shadow), 1) << width;
@@ -62,7 +63,7 @@ class ColorEvidenceTest : public ::testing::Test {
   ColorEvidence Find() {
     const cv::Mat1f texture(48, 64, 0.0f);
     ColorEvidence evidence;
-    FindColorEvidence(room_.picture, model_, {}, {}, texture, &evidence);
+    FindColorEvidence(room_.picture, model_, {}, {}, texture, cv::Mat1b(96, 128, kNoEvidence), &evidence);
     return evidence;
   }
   FlatRoom room_;

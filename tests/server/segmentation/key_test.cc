@@ -128,7 +128,7 @@ TEST(Key, TakesOddAndSmallSizesAndIsDeterministic) {
 
 TEST(Key, RefusesBadConfiguration) {
   EXPECT_FALSE(Key::Create({.actor_prior = NAN}).has_value());
-  EXPECT_FALSE(Key::Create({.neighbor_rounds = 9}).has_value());
+  EXPECT_FALSE(Key::Create({.own_weight = -1}).has_value());
   EXPECT_FALSE(Key::Create({.depth = {.least = 1.0f}}).has_value());
 }
 
