@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which colours the actors wear, learnt from frames already keyed: a histogram in place of "any colour alike".
-// piVE 3 asks only how unlike the room a colour is; what also resembles nothing he wears is rather a shadow,
-// and hair before a dark shelf is still hair.
+// Which colours the actors wear, learnt from frames already keyed: a histogram in place of "any colour
+// alike". piVE 3 asks only how unlike the room a colour is; what also resembles nothing he wears is rather a
+// shadow, and hair before a dark shelf is still hair.
 #pragma once
 
 #include <cstdint>

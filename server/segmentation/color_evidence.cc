@@ -17,7 +17,8 @@ std::uint8_t ToByte(float log_odds) {
 }  // namespace
 
 void FindColorEvidenceScalar(const HalfPicture& picture, const BackgroundModel& model, const ToneChange& tone,
-                             const ShadowConfig& config, const cv::Mat1f& texture, const cv::Mat1b& actor, ColorEvidence* evidence) {
+                             const ShadowConfig& config, const cv::Mat1f& texture, const cv::Mat1b& actor,
+                             ColorEvidence* evidence) {
   evidence->room.create(picture.height(), picture.width());
   evidence->shadow.create(picture.height(), picture.width());
   for (int y = 0; y < picture.height(); ++y) {

@@ -27,15 +27,17 @@ struct ShadowConfig {
   float chroma_tolerance =
       0.08f;                    // 0..1: a shadow may differ in hue by this share of the light that it lacks
   float usual_least = 0.8f;     // 0..1: shadows down to this brightness are taken as usual ...
-  float darkness_cost = 20.0f;  // ... and cost this many log-odds per unit of brightness below
+  float darkness_cost = 25.0f;  // ... and cost this many log-odds per unit of brightness below
 };
 
 // texture [Quarter(h) x Quarter(w)]: log-odds from ShadowTexture, added to the shadow hypothesis. actor
 // [Half(h) x Half(w)]: how well the colour becomes an actor (ActorColors), bytes as above, added to both.
 // Scalar specification and SIMD twin; they differ by one step at most, where a rounding falls on an edge.
 void FindColorEvidenceScalar(const HalfPicture& picture, const BackgroundModel& model, const ToneChange& tone,
-                             const ShadowConfig& config, const cv::Mat1f& texture, const cv::Mat1b& actor, ColorEvidence* evidence);
+                             const ShadowConfig& config, const cv::Mat1f& texture, const cv::Mat1b& actor,
+                             ColorEvidence* evidence);
 void FindColorEvidence(const HalfPicture& picture, const BackgroundModel& model, const ToneChange& tone,
-                       const ShadowConfig& config, const cv::Mat1f& texture, const cv::Mat1b& actor, ColorEvidence* evidence);
+                       const ShadowConfig& config, const cv::Mat1f& texture, const cv::Mat1b& actor,
+                       ColorEvidence* evidence);
 
 }  // namespace mixstage

@@ -90,7 +90,8 @@ HWY_INLINE void EvidenceAt(D d, const ColorRow& row, std::size_t x, const ToneCh
     length = hn::MulAdd(I_m[c], weighted, length);
   }
   const V farthest = hn::Set(d, kFarthest);
-  const V own = hn::Mul(hn::Sub(Load(d, row.actor + x), hn::Set(d, kNoEvidence)), hn::Set(d, kEvidencePerByte));
+  const V own =
+      hn::Mul(hn::Sub(Load(d, row.actor + x), hn::Set(d, kNoEvidence)), hn::Set(d, kEvidencePerByte));
   const V peak = hn::Add(hn::LoadU(d, row.log_peak_room + x), own);
   StoreEvidence(d, hn::MulAdd(hn::Set(d, kColorTail), hn::Min(D_t, farthest), peak), row.room + x);
 
@@ -139,7 +140,8 @@ namespace mixstage {
 HWY_EXPORT(EvidenceRow);
 
 void FindColorEvidence(const HalfPicture& picture, const BackgroundModel& model, const ToneChange& tone,
-                       const ShadowConfig& config, const cv::Mat1f& texture, const cv::Mat1b& actor, ColorEvidence* evidence) {
+                       const ShadowConfig& config, const cv::Mat1f& texture, const cv::Mat1b& actor,
+                       ColorEvidence* evidence) {
   MIX_CHECK(evidence != nullptr && model.mean[0].size() == picture.r.size());
   MIX_CHECK(texture.rows == Half(picture.height()) && texture.cols == Half(picture.width()));
   MIX_CHECK(actor.size() == picture.r.size());

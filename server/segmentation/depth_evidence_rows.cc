@@ -60,7 +60,9 @@ HWY_INLINE void TrustAt(D d, const std::uint8_t* front, const std::uint8_t* room
   const auto is_room = hn::ConvertTo(d, hn::PromoteTo(d32, hn::LoadU(d8, room + x)));
   const auto own = hn::LoadU(d, log_odds + x);
   const auto agree = hn::IfThenElse(hn::Gt(own, hn::Zero(d)), in_front, is_room);
-  const auto share = hn::Div(agree, hn::Max(hn::Add(in_front, is_room), hn::Set(d, 12.0f)));
+  // What is not known may be a gap between his legs: it speaks against "in front", not against "the room".
+  const auto asked = hn::IfThenElse(hn::Gt(own, hn::Zero(d)), hn::Set(d, 255.0f), hn::Add(in_front, is_room));
+  const auto share = hn::Div(agree, hn::Max(asked, hn::Set(d, 12.0f)));
   const auto scaled =
       hn::Mul(hn::Sub(share, hn::Set(d, kHalfTrust)), hn::Set(d, 1 / (kFullTrust - kHalfTrust)));
   const auto trust = Clamp(d, scaled, 0.0f, 1.0f);

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <limits>
 #include <opencv2/imgproc.hpp>
 
 #include "proto/base/check.h"
@@ -13,79 +14,79 @@
 namespace mixstage {
 namespace {
 
-constexpr int kReach =
-    4;  // of the neighbourhood that F and the room's light come from, sampled at every second pixel
-constexpr int kLeastSamples = 3;
-// |F - B|^2 in units of the noise at which the projection and the evidence weigh the same.
-constexpr float kEqualContrast = 100.0f;
+// Where the actor's own colour and the room's light are looked for, half pixels from the pixel: near samples
+// resemble what the pixel shows, far ones are surely one or the other.
+struct Offset {
+  int x, y;
+};
+constexpr std::array<Offset, 24> kAround = {{{2, 0},  {-2, 0},  {0, 2},  {0, -2},  {2, 2},  {-2, 2},
+                                             {2, -2}, {-2, -2}, {4, 0},  {-4, 0},  {0, 4},  {0, -4},
+                                             {3, 3},  {-3, 3},  {3, -3}, {-3, -3}, {6, 1},  {-6, -1},
+                                             {-1, 6}, {1, -6},  {5, 4},  {-5, 4},  {5, -4}, {-5, -4}}};
+// A cloth's colour differs from one of its pixels to the next by so many levels.
+constexpr float kClothSigma = 6.0f;
+// What the decision's own coverage is worth beside the colour's residual, in squared sigmas.
+constexpr float kDecisionWeight = 6.0f;
 
-std::array<float, 3> PixelAt(const HalfPicture& picture, int x, int y) {
-  return {static_cast<float>(picture.r(y, x)), static_cast<float>(picture.g(y, x)),
-          static_cast<float>(picture.b(y, x))};
-}
-
-std::array<float, 3> RoomAt(const BackgroundModel& model, const ToneChange& tone, int x, int y) {
-  std::array<float, 3> room{};
-  for (std::size_t c = 0; c < 3; ++c) {
-    room[c] = std::clamp(tone.gain[c] * model.mean[c](y, x) + tone.offset[c], 0.0f, 255.0f);
-  }
-  return room;
-}
+using Color = std::array<float, 3>;
 
 struct Surroundings {
-  std::array<float, 3> F{};
+  std::array<Color, kAround.size()> F;
+  int inner = 0;
   float light = 1;  // 0.3..1.1: brightness of the room beside, against the empty set
-  int inner_count = 0;
 };
 
 Surroundings LookAround(const HalfPicture& picture, const BackgroundModel& model, const ToneChange& tone,
                         const cv::Mat1b& inner, const cv::Mat1b& outer, int x, int y) {
   Surroundings found;
-  int now = 0;
-  float empty = 0;
-  std::array<int, 3> sum{};
-  const int left = x < kReach ? x % 2 : x - kReach, right = std::min(x + kReach, inner.cols - 1);
-  for (int v = y < kReach ? y % 2 : y - kReach; v <= std::min(y + kReach, inner.rows - 1); v += 2) {
-    const std::uint8_t* in = inner.ptr<std::uint8_t>(v);
-    const std::uint8_t* out = outer.ptr<std::uint8_t>(v);
-    const std::uint8_t* r = picture.r.ptr<std::uint8_t>(v);
-    const std::uint8_t* g = picture.g.ptr<std::uint8_t>(v);
-    const std::uint8_t* b = picture.b.ptr<std::uint8_t>(v);
-    const float* room = model.mean[1].ptr<float>(v);
-    for (int u = left; u <= right; u += 2) {
-      if (in[u] != 0) {
-        sum[0] += r[u];
-        sum[1] += g[u];
-        sum[2] += b[u];
-        ++found.inner_count;
-      } else if (out[u] == 0) {
-        now += g[u];
-        empty += tone.gain[1] * room[u] + tone.offset[1];
-      }
+  float now = 0, empty = 0;
+  for (const Offset& offset : kAround) {
+    const int u = x + offset.x, v = y + offset.y;
+    if (u < 0 || v < 0 || u >= inner.cols || v >= inner.rows) continue;
+    if (inner.ptr<std::uint8_t>(v)[u] != 0) {
+      found.F[static_cast<std::size_t>(found.inner++)] = {
+          static_cast<float>(picture.r.ptr<std::uint8_t>(v)[u]),
+          static_cast<float>(picture.g.ptr<std::uint8_t>(v)[u]),
+          static_cast<float>(picture.b.ptr<std::uint8_t>(v)[u])};
+    } else if (outer.ptr<std::uint8_t>(v)[u] == 0) {
+      now += static_cast<float>(picture.g.ptr<std::uint8_t>(v)[u]);
+      empty += tone.gain[1] * model.mean[1].ptr<float>(v)[u] + tone.offset[1];
     }
   }
-  for (std::size_t c = 0; c < 3; ++c) found.F[c] = static_cast<float>(sum[c]);
-  for (float& value : found.F) value /= static_cast<float>(std::max(found.inner_count, 1));
-  if (empty > 1) found.light = std::clamp(static_cast<float>(now) / empty, 0.3f, 1.1f);
+  if (empty > 1) found.light = std::clamp(now / empty, 0.3f, 1.1f);
   return found;
 }
 
-// C = a F + (1 - a) B solved for a at one pixel, in units of the noise.
-void Place(const HalfPicture& picture, const BackgroundModel& model, const ToneChange& tone,
-           const Surroundings& around, int x, int y, cv::Mat1b* alpha) {
-  const auto C = PixelAt(picture, x, y);
-  auto B = RoomAt(model, tone, x, y);
-  float along = 0, contrast = 0;
+// C = a F + (1 - a) B solved for a with each F around; the one that explains C best, and the decision nearly
+// so well, is taken.
+std::uint8_t Place(const HalfPicture& picture, const BackgroundModel& model, const ToneChange& tone,
+                   const Surroundings& around, int x, int y, std::uint8_t decided) {
+  const Color C = {static_cast<float>(picture.r.ptr<std::uint8_t>(y)[x]),
+                   static_cast<float>(picture.g.ptr<std::uint8_t>(y)[x]),
+                   static_cast<float>(picture.b.ptr<std::uint8_t>(y)[x])};
+  Color B{}, inverse{};
   for (std::size_t c = 0; c < 3; ++c) {
-    B[c] *= around.light;
-    const float inverse = 1 / model.variance[c](y, x);
-    along += (C[c] - B[c]) * (around.F[c] - B[c]) * inverse;
-    contrast += (around.F[c] - B[c]) * (around.F[c] - B[c]) * inverse;
+    B[c] = around.light *
+           std::clamp(tone.gain[c] * model.mean[c].ptr<float>(y)[x] + tone.offset[c], 0.0f, 255.0f);
+    inverse[c] = 1 / (model.variance[c].ptr<float>(y)[x] + kClothSigma * kClothSigma);
   }
-  const float projected = 255 * std::clamp(along / std::max(contrast, 1e-3f), 0.0f, 1.0f);
-  const float trust = contrast / (contrast + kEqualContrast);
-  const auto evidence = static_cast<float>((*alpha)(y, x));
-  (*alpha)(y, x) = static_cast<std::uint8_t>(evidence + trust * (projected - evidence) + 0.5f);
+  const float prior = static_cast<float>(decided) / 255;
+  float best = std::numeric_limits<float>::max(), alpha = prior;
+  for (int i = 0; i < around.inner; ++i) {
+    const Color& F = around.F[static_cast<std::size_t>(i)];
+    float along = 0, contrast = 0, length = 0;
+    for (std::size_t c = 0; c < 3; ++c) {
+      const float f = F[c] - B[c], d = C[c] - B[c];
+      along += d * f * inverse[c];
+      contrast += f * f * inverse[c];
+      length += d * d * inverse[c];
+    }
+    const float a = std::clamp((along + kDecisionWeight * prior) / (contrast + kDecisionWeight), 0.0f, 1.0f);
+    const float residual = length - 2 * a * along + a * a * contrast;
+    const float cost = residual + kDecisionWeight * (a - prior) * (a - prior);
+    if (cost < best) best = cost, alpha = a;
+  }
+  return static_cast<std::uint8_t>(255 * alpha + 0.5f);
 }
 
 }  // namespace
@@ -104,26 +105,18 @@ void EdgeCoverage::Run(const HalfPicture& picture, const BackgroundModel& model,
   const cv::Mat kernel = cv::getStructuringElement(cv::MORPH_RECT, {5, 5});
   cv::erode(mask, inner_, kernel);
   cv::dilate(mask, outer_, kernel);
-  // Four neighbours share one look around: F and the light change more slowly than the outline.
-  for (int y = 0; y < mask.rows; y += 2) {
-    const int bottom = std::min(y + 1, mask.rows - 1);
-    for (int x = 0; x < mask.cols; x += 2) {
-      if (x + 8 <= mask.cols && !HasBand(x, y) && !HasBand(x, bottom)) {
-        x += 6;
+  for (int y = 0; y < mask.rows; ++y) {
+    const std::uint8_t* inner = inner_.ptr<std::uint8_t>(y);
+    const std::uint8_t* outer = outer_.ptr<std::uint8_t>(y);
+    std::uint8_t* out = alpha->ptr<std::uint8_t>(y);
+    for (int x = 0; x < mask.cols; ++x) {
+      if (x + 8 <= mask.cols && !HasBand(x, y)) {
+        x += 7;
         continue;
       }
-      const int right = std::min(x + 1, mask.cols - 1);
-      const auto is_band = [&](int u, int v) {
-        return inner_.ptr<std::uint8_t>(v)[u] != outer_.ptr<std::uint8_t>(v)[u];
-      };
-      if (!is_band(x, y) && !is_band(right, y) && !is_band(x, bottom) && !is_band(right, bottom)) continue;
+      if (inner[x] == outer[x]) continue;
       const Surroundings around = LookAround(picture, model, tone, inner_, outer_, x, y);
-      if (around.inner_count < kLeastSamples) continue;
-      for (int v = y; v <= bottom; ++v) {
-        for (int u = x; u <= right; ++u) {
-          if (is_band(u, v)) Place(picture, model, tone, around, u, v, alpha);
-        }
-      }
+      if (around.inner > 0) out[x] = Place(picture, model, tone, around, x, y, out[x]);
     }
   }
 }

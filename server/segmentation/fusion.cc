@@ -33,7 +33,7 @@ inline constexpr float kRoomFully = 3.5f;
 // there.
 inline constexpr float kLoneRoom = 1.5f;
 inline constexpr float kLoneRoomInside = 0.5f;
-inline constexpr float kLeastShadow = -4.0f;
+inline constexpr float kLeastShadow = -6.0f;
 
 }  // namespace mixstage
 #endif

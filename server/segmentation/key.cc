@@ -14,8 +14,8 @@
 namespace mixstage {
 namespace {
 
-// One step of decision to one of alpha: an edge of clear evidence (+-2 log-odds) runs from 0 to 255.
-constexpr float kAlphaPerByte = 4.0f;
+// One step of decision to one of alpha: an edge of evidence (+-1 log-odd) runs from 0 to 255.
+constexpr float kAlphaPerByte = 8.0f;
 
 // Log-odds [Quarter x Quarter] -> bytes at half size.
 void EnlargeEvidence(const cv::Mat1f& from, float scale, float offset, cv::Size half, cv::Mat1b* small,
@@ -28,8 +28,8 @@ void EnlargeEvidence(const cv::Mat1f& from, float scale, float offset, cv::Size 
 }  // namespace
 
 Result<Key> Key::Create(const KeyConfig& c) {
-  for (const float value : {c.actor_prior, c.room_weight, c.own_weight, c.shadow.darkness_cost,
-                            c.depth.most, c.depth.least}) {
+  for (const float value :
+       {c.actor_prior, c.room_weight, c.own_weight, c.shadow.darkness_cost, c.depth.most, c.depth.least}) {
     if (!std::isfinite(value) || std::abs(value) > 100) {
       return Fail(ErrorCode::kInvalidConfig, "the key's log-odds must be finite and within 100");
     }
@@ -94,7 +94,7 @@ void Key::Run(const BackgroundModel& model, const HalfPicture& picture, ImageVie
 void Key::Decide(const BackgroundModel& model) {
   const cv::Size half = model.mean[0].size();
   half_shadow_.create(half);
-  // Coverage before the outline is placed: an edge of clear evidence (+-2 log-odds) runs from 0 to 255.
+  // Coverage before the outline is placed: an edge of evidence (+-1 log-odd) runs from 0 to 255.
   decision_.convertTo(half_alpha_, CV_8U, kAlphaPerByte, 128 - kAlphaPerByte * kNoEvidence);
   cv::threshold(decision_, half_mask_, kNoEvidence, 255, cv::THRESH_BINARY);
   // Third label of piVE 3: changed, and "the room, darkened" explains it better than "the room" does.

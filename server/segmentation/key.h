@@ -24,9 +24,9 @@
 namespace mixstage {
 
 struct KeyConfig {
-  float actor_prior = -0.5f;       // log-odds of "actor" before anything is seen
-  float room_weight = 8.0f;        // log-odds against "actor" where a whole neighbourhood equals the room
-  float own_weight = 0.02f;        // of a pixel's own evidence beside its neighbourhood's mean
+  float actor_prior = -0.5f;  // log-odds of "actor" before anything is seen
+  float room_weight = 8.0f;   // log-odds against "actor" where a whole neighbourhood equals the room
+  float own_weight = 0.02f;   // of a pixel's own evidence beside its neighbourhood's mean
   ShadowConfig shadow{};
   DepthEvidenceConfig depth{};
   RegionConfig regions{};
@@ -43,7 +43,8 @@ class Key {
   // label    [h x w]  out: values of Label
   // alpha    [h x w]  out: coverage 0..255; >= 128 exactly where label is kLabelActor
   // Sizes that differ from the model's are a caller bug (checked). Remembers of earlier frames
-  // which colours actors wore, and for the tone change where the last one was. Allocates on a new size only; one thread at a time.
+  // which colours actors wore, and for the tone change where the last one was. Allocates on a new size only;
+  // one thread at a time.
   void Run(const BackgroundModel& model, const HalfPicture& picture, ImageView<const float> depth_m,
            float depth_age_s, ImageView<std::uint8_t> label, ImageView<std::uint8_t> alpha);
 

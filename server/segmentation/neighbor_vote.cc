@@ -77,15 +77,15 @@ HWY_INLINE void KeepAt(D d, const EdgeRow& row, std::size_t x, float noise, floa
     lit = hn::Add(lit, hn::Abs(hn::Sub(seen, room)));
     dark = hn::Add(dark, hn::Abs(hn::NegMulAdd(light, room, seen)));
   }
-  const auto contrast =
-      hn::Max(hn::Sub(hn::Min(plain, hn::Min(lit, dark)), hn::Set(d, noise)), hn::Zero(d));
-  const auto open = hn::Max(hn::NegMulAdd(contrast, hn::Set(d, 1 / kFullEdge), hn::Set(d, 1.0f)), hn::Zero(d));
+  const auto contrast = hn::Max(hn::Sub(hn::Min(plain, hn::Min(lit, dark)), hn::Set(d, noise)), hn::Zero(d));
+  const auto open =
+      hn::Max(hn::NegMulAdd(contrast, hn::Set(d, 1 / kFullEdge), hn::Set(d, 1.0f)), hn::Zero(d));
   const auto squared = hn::Mul(open, open);
   hn::StoreU(hn::Mul(hn::Mul(squared, squared), hn::Set(d, most)), d, row.keep + x);
 }
 
 template <class Step>
-HWY_INLINE void ForRow(std::size_t width, Step step) {
+HWY_INLINE void ForRow(std::size_t width, const Step& step) {
   const hn::ScalableTag<float> d;
   const std::size_t lanes = hn::Lanes(d);
   std::size_t x = 0;
@@ -94,17 +94,17 @@ HWY_INLINE void ForRow(std::size_t width, Step step) {
 }
 
 void LightRow(const EdgeRow& row, std::size_t width, float* light) {
-  ForRow(width, [&](auto d, std::size_t x) { LightAt(d, row, x, light); });
+  ForRow(width, [&](auto d, std::size_t x) HWY_ATTR { LightAt(d, row, x, light); });
 }
 
 void KeepRow(const EdgeRow& row, std::size_t width, float noise, float most) {
-  ForRow(width, [&](auto d, std::size_t x) { KeepAt(d, row, x, noise, most); });
+  ForRow(width, [&](auto d, std::size_t x) HWY_ATTR { KeepAt(d, row, x, noise, most); });
 }
 
 // to += keep^(1 + round) * (from - to)
 void HandOnRow(const float* HWY_RESTRICT from, const float* HWY_RESTRICT keep, int round, std::size_t width,
                float* HWY_RESTRICT to) {
-  ForRow(width, [&](auto d, std::size_t x) {
+  ForRow(width, [&](auto d, std::size_t x) HWY_ATTR {
     auto share = hn::LoadU(d, keep + x);
     if (round == 1) share = hn::Mul(share, share);
     const auto own = hn::LoadU(d, to + x);
@@ -113,7 +113,7 @@ void HandOnRow(const float* HWY_RESTRICT from, const float* HWY_RESTRICT keep, i
 }
 
 void LoadVotes(const std::uint8_t* HWY_RESTRICT evidence, std::size_t width, float* HWY_RESTRICT vote) {
-  ForRow(width, [&](auto d, std::size_t x) {
+  ForRow(width, [&](auto d, std::size_t x) HWY_ATTR {
     const auto own =
         hn::Mul(hn::Sub(LoadByte(d, evidence + x), hn::Set(d, kNoEvidence)), hn::Set(d, kEvidencePerByte));
     hn::StoreU(hn::Min(hn::Max(own, hn::Set(d, -kClear)), hn::Set(d, kClear)), d, vote + x);
@@ -122,12 +122,12 @@ void LoadVotes(const std::uint8_t* HWY_RESTRICT evidence, std::size_t width, flo
 
 void DecideRow(const std::uint8_t* HWY_RESTRICT evidence, const float* HWY_RESTRICT vote, float own_weight,
                std::size_t width, std::uint8_t* HWY_RESTRICT decision) {
-  ForRow(width, [&](auto d, std::size_t x) {
+  ForRow(width, [&](auto d, std::size_t x) HWY_ATTR {
     const hn::Rebind<std::int32_t, decltype(d)> d32;
     const hn::Rebind<std::uint8_t, decltype(d)> d8;
     const auto own = hn::Sub(LoadByte(d, evidence + x), hn::Set(d, kNoEvidence));
-    const auto mean = hn::MulAdd(hn::LoadU(d, vote + x), hn::Set(d, 1 / kEvidencePerByte),
-                                 hn::Set(d, kNoEvidence + 0.5f));
+    const auto mean =
+        hn::MulAdd(hn::LoadU(d, vote + x), hn::Set(d, 1 / kEvidencePerByte), hn::Set(d, kNoEvidence + 0.5f));
     const auto sum = hn::MulAdd(own, hn::Set(d, own_weight), mean);
     const auto byte = hn::Min(hn::Max(sum, hn::Zero(d)), hn::Set(d, 255.0f));
     hn::StoreU(hn::DemoteTo(d8, hn::ConvertTo(d32, byte)), d8, decision + x);
@@ -219,7 +219,8 @@ cv::Rect NeighborVote::BoxOfActors(const cv::Mat1b& evidence) const {
     }
   }
   if (left >= right) return {};
-  const cv::Rect around(left - kMargin, top - kMargin, right - left + 2 * kMargin, bottom - top + 2 * kMargin);
+  const cv::Rect around(left - kMargin, top - kMargin, right - left + 2 * kMargin,
+                        bottom - top + 2 * kMargin);
   return around & cv::Rect({0, 0}, evidence.size());
 }
 

@@ -30,11 +30,11 @@ class NeighborVote {
   void FilterAlongRows(int round);
   void FilterAlongColumns(int round);
 
-  cv::Rect box_;                           // nothing outside is touched
-  std::array<cv::Mat1b, 3> room_;          // [box] the room at this frame's tone
-  cv::Mat1f light_;                        // [box] brightness against the room's, 0.2..1
-  cv::Mat1f keep_right_, keep_down_;       // [box] 0..1: how much of a pixel's vote its neighbour takes on
-  cv::Mat1f vote_;                         // [box]
+  cv::Rect box_;                      // nothing outside is touched
+  std::array<cv::Mat1b, 3> room_;     // [box] the room at this frame's tone
+  cv::Mat1f light_;                   // [box] brightness against the room's, 0.2..1
+  cv::Mat1f keep_right_, keep_down_;  // [box] 0..1: how much of a pixel's vote its neighbour takes on
+  cv::Mat1f vote_;                    // [box]
 };
 
 }  // namespace mixstage
