@@ -19,7 +19,9 @@ struct Frame {
   std::shared_ptr<const CapturedFrame> captured;
   RigidTransform T_world_color = RigidTransform::Identity();
 
-  cv::Mat1f D;              // warp_depth: sensor's z, metres, 0 = unknown; empty = the frame has no depth
+  cv::Mat1f D;              // warp_depth: sensor's z, metres, 0 = unknown; empty = the frame has no depth;
+                            // from move_depth on at the picture's instant, the worker's until its next frame
+  double depth_age_s = 0;   // move_depth: >= 0, what its motion may not have taken off
   bool keyed = false;       // key_actor: false while the empty set is being learnt
   cv::Mat1b label;          // key_actor: 0 background, 1 actor, 2 shadow of the actor, 255 unknown
   cv::Mat1b alpha;          // key_actor: coverage of the actor, linear

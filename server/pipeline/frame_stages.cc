@@ -20,6 +20,7 @@ namespace mixstage {
 struct FrameStages {
   static void PlaceCamera(Studio& s, Frame& f);
   static void WarpDepth(Studio& s, Frame& f);
+  static void MoveDepth(Studio& s, Frame& f);
   static void PredictRoom(Studio& s, Frame& f);
   static void LearnRoom(Studio& s, Frame& f);
   static void KeyActor(Studio& s, Frame& f);
@@ -40,6 +41,7 @@ constexpr std::array kStages = {
     Stage{{"place_camera", 0.5, "frame", "T_world_color              MixIn3D 2.3, 2.5"},
           &FrameStages::PlaceCamera},
     Stage{{"warp_depth", 1.0, "frame", "D in the colour camera     MixIn3D 2.2"}, &FrameStages::WarpDepth},
+    Stage{{"move_depth", 1.5, "frame", "D at the picture's instant  MixIn3D 3.1"}, &FrameStages::MoveDepth},
     Stage{{"predict_room", 0.5, "frame", "D_M and colour of the scan  MixIn3D 2.3"},
           &FrameStages::PredictRoom},
     Stage{{"learn_room", 0.5, "frame", "D_M, I_m, I_sigma          piVE eq 1-2"}, &FrameStages::LearnRoom},
@@ -265,6 +267,9 @@ bool Studio::LearnStanding(const CapturedFrame& captured) {
   if (moved && !first) return false;
   HalfRgb(captured.color, &half_);
   frame.D = WarpDepth(captured);
+  if (captured.depth)
+    frame.depth_age_s =
+        std::max(0.0, static_cast<double>(captured.capture_us - captured.depth->capture_us) * 1e-6);
   refine_due_us_ = captured.capture_us;
   FrameStages::KeyActor(*this, frame);
   return true;
@@ -284,6 +289,16 @@ void FrameStages::PredictRoom(Studio& s, Frame& f) {
 }
 
 void FrameStages::WarpDepth(Studio& s, Frame& f) { f.D = s.WarpDepth(*f.captured); }
+
+void FrameStages::MoveDepth(Studio& s, Frame& f) {
+  const CapturedFrame& captured = *f.captured;
+  f.depth_age_s = 0;
+  if (!s.depth_warp_) return;
+  s.depth_motion_.See(captured.color.y, captured.capture_us);
+  if (f.D.empty()) return;
+  f.depth_age_s = s.depth_motion_.Run(View(std::as_const(f.D)), captured.depth->capture_us, &s.moved_D_);
+  f.D = s.moved_D_;
+}
 
 void FrameStages::LearnRoom(Studio& s, Frame& f) {
   HalfRgb(f.captured->color, &s.half_);
@@ -307,11 +322,8 @@ void FrameStages::KeyActor(Studio& s, Frame& f) {
     f.alpha.setTo(0);
     return;
   }
-  const double age_s =
-      f.captured->depth ? static_cast<double>(f.captured->capture_us - f.captured->depth->capture_us) * 1e-6
-                        : 0;
-  s.key_->Run(*s.room_, s.half_, View(std::as_const(f.D)), static_cast<float>(std::max(0.0, age_s)),
-              View(f.label), View(f.alpha));
+  s.key_->Run(*s.room_, s.half_, View(std::as_const(f.D)), static_cast<float>(f.depth_age_s), View(f.label),
+              View(f.alpha));
   if (s.room_view_ && !s.refined_.complete() && f.captured->capture_us >= s.refine_due_us_) {
     s.refine_due_us_ = f.captured->capture_us + kRefineUs;
     s.refined_.Add(s.half_, s.key_->tone(), s.key_->half_mask(), View(std::as_const(f.label)));

@@ -9,6 +9,7 @@
 #include "proto/geometry/rig.h"
 #include "proto/take/take.h"
 #include "server/composite/z_key.h"
+#include "server/depth/depth_motion.h"
 #include "server/depth/depth_warp.h"
 #include "server/environment/environment_folder.h"
 #include "server/pipeline/frame.h"
@@ -104,6 +105,9 @@ class Studio {
   std::shared_ptr<const DepthPicture> warped_;
   cv::Mat1f D_;
   std::int64_t unusable_depths_ = 0;
+  // move_depth
+  DepthMotion depth_motion_;
+  cv::Mat1f moved_D_;
   // predict_room: D_M and colour of a scanned room; the models are used again when nobody holds them any more
   std::optional<RoomView> room_view_;
   PredictionDoubt doubt_;
