@@ -15,6 +15,7 @@ namespace {
 constexpr int kShift = 3;  // bins of 8 levels: several sigmas of a camera, less than two cloths differ by
 constexpr std::size_t kBins = 256 >> kShift;
 constexpr std::size_t kAllBins = kBins * kBins * kBins;
+constexpr float kMostLikely = 4.0f;  // log-odds: he wears little of what the room is not made of too
 constexpr float kFade = 0.9f;
 constexpr float kOtherColors = 0.15f;  // share of an actor's pixels whose colour was never seen on him
 constexpr int kStep = 2;               // every second pixel and row tells the same
@@ -76,8 +77,8 @@ void ActorColors::Summarise() {
   likelihood_.resize(kAllBins);
   const auto scale = static_cast<float>((1 - kOtherColors) * kAllBins / weight_);
   const auto to_byte = [](float ratio) {
-    return static_cast<std::uint8_t>(
-        std::clamp(kNoEvidence + std::log(ratio) / kEvidencePerByte + 0.5f, 0.0f, 255.0f));
+    return static_cast<std::uint8_t>(std::clamp(
+        kNoEvidence + std::min(std::log(ratio), kMostLikely) / kEvidencePerByte + 0.5f, 0.0f, 255.0f));
   };
   const std::uint8_t never = to_byte(kOtherColors);
   for (std::size_t i = 0; i < kAllBins; ++i)

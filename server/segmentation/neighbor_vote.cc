@@ -22,6 +22,8 @@ namespace mixstage {
 struct EdgeRow {
   std::array<const std::uint8_t*, 3> picture, picture_next;
   std::array<const std::uint8_t*, 3> room, room_next;
+  const std::uint8_t* around;
+  const std::uint8_t* around_next;
   const float* light;
   const float* light_next;
   float* keep;
@@ -32,6 +34,8 @@ inline constexpr float kReach = 18.0f;
 // Sum over the channels, grey levels above the noise, across which nothing is handed on.
 inline constexpr float kFullEdge = 228.0f;
 inline constexpr float kDarkest = 0.2f;
+// What may be one actor is not where evidence turns: levels for each step of its mean.
+inline constexpr float kTurn = 1.0f;
 inline constexpr int kRounds = 2;
 // Beyond, evidence is only more certain of the same.
 inline constexpr float kClear = 3.0f;
@@ -69,7 +73,9 @@ HWY_INLINE void LightAt(D d, const EdgeRow& row, std::size_t x, float* light) {
 template <class D>
 HWY_INLINE void KeepAt(D d, const EdgeRow& row, std::size_t x, float noise, float most) {
   const auto light = hn::Min(hn::LoadU(d, row.light + x), hn::LoadU(d, row.light_next + x));
-  auto plain = hn::Zero(d), lit = plain, dark = plain;
+  const auto turn = hn::Abs(hn::Sub(LoadByte(d, row.around_next + x), LoadByte(d, row.around + x)));
+  auto plain = hn::Mul(turn, hn::Set(d, kTurn));
+  auto lit = hn::Zero(d), dark = lit;
   for (std::size_t c = 0; c < 3; ++c) {
     const auto seen = hn::Sub(LoadByte(d, row.picture_next[c] + x), LoadByte(d, row.picture[c] + x));
     const auto room = hn::Sub(LoadByte(d, row.room_next[c] + x), LoadByte(d, row.room[c] + x));
@@ -226,6 +232,7 @@ cv::Rect NeighborVote::BoxOfActors(const cv::Mat1b& evidence) const {
 
 void NeighborVote::FindEdges(const HalfPicture& picture, const BackgroundModel& model,
                              const ToneChange& tone) {
+  const cv::Mat1b around = around_(box_);
   const std::array<cv::Mat1b, 3> now = {picture.r(box_), picture.g(box_), picture.b(box_)};
   for (std::size_t c = 0; c < 3; ++c)
     model.mean[c](box_).convertTo(room_[c], CV_8U, tone.gain[c], tone.offset[c]);
@@ -241,6 +248,8 @@ void NeighborVote::FindEdges(const HalfPicture& picture, const BackgroundModel& 
       row.picture_next[c] = row.picture[c] + 1;
       row.room_next[c] = row.room[c] + 1;
     }
+    row.around = around.ptr<std::uint8_t>(y);
+    row.around_next = row.around + 1;
     row.light = light_.ptr<float>(y);
     row.light_next = row.light + 1;
     row.keep = keep_right_.ptr<float>(y);
@@ -257,6 +266,7 @@ void NeighborVote::FindEdges(const HalfPicture& picture, const BackgroundModel& 
       row.picture_next[c] = now[c].ptr<std::uint8_t>(y + 1);
       row.room_next[c] = room_[c].ptr<std::uint8_t>(y + 1);
     }
+    row.around_next = around.ptr<std::uint8_t>(y + 1);
     row.light_next = light_.ptr<float>(y + 1);
     row.keep = keep_down_.ptr<float>(y);
     HWY_DYNAMIC_DISPATCH(KeepRow)(row, width, noise, most);
@@ -286,9 +296,10 @@ void NeighborVote::Run(const cv::Mat1b& evidence, const HalfPicture& picture, co
   MIX_CHECK(decision != nullptr && evidence.size() == picture.r.size() &&
             evidence.size() == model.mean[0].size());
   decision->create(evidence.size());
-  cv::min(evidence, kNoEvidence, *decision);
+  cv::min(evidence, kNoEvidence - static_cast<int>(1 / kEvidencePerByte), *decision);
   box_ = BoxOfActors(evidence);
   if (box_.empty()) return;
+  box_mean_.Run(evidence, &around_);
   FindEdges(picture, model, tone);
   vote_.create(box_.size());
   const auto width = static_cast<std::size_t>(box_.width);

@@ -11,6 +11,7 @@
 #include <opencv2/core.hpp>
 
 #include "server/segmentation/background_model.h"
+#include "server/segmentation/box_mean.h"
 #include "server/segmentation/half_picture.h"
 #include "server/segmentation/tone_change.h"
 
@@ -30,7 +31,9 @@ class NeighborVote {
   void FilterAlongRows(int round);
   void FilterAlongColumns(int round);
 
-  cv::Rect box_;                      // nothing outside is touched
+  cv::Rect box_;  // nothing outside is touched
+  BoxMean box_mean_{2};
+  cv::Mat1b around_;                  // [Half x Half] evidence averaged over 5x5
   std::array<cv::Mat1b, 3> room_;     // [box] the room at this frame's tone
   cv::Mat1f light_;                   // [box] brightness against the room's, 0.2..1
   cv::Mat1f keep_right_, keep_down_;  // [box] 0..1: how much of a pixel's vote its neighbour takes on
