@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <opencv2/imgproc.hpp>
 #include <random>
 
 #include "server/segmentation/color_evidence.h"
@@ -28,7 +29,8 @@ class NeighborVoteTest : public ::testing::Test {
   cv::Mat1b Run(const cv::Mat1b& evidence) {
     cv::Mat1b decision;
     vote_.Run(evidence, room_.picture, model_, {}, kOwnWeight, &decision);
-    return decision > kNoEvidence;
+    cv::threshold(decision, decision, kNoEvidence, 255, cv::THRESH_BINARY);
+    return decision;
   }
   FlatRoom room_;
   BackgroundModel model_;
