@@ -23,8 +23,8 @@ class DepthMotion {
   // D [h x w]: z in metres in the colour camera as measured at depth_us, 0 = unknown. moved, same size, out:
   // D at the instant of the last picture seen; unknown where the pictures do not tell where a surface came
   // from. Returns the age in seconds >= 0 that is left to moved: a share of D's, since vectors err too; all
-  // of it where depth_us lies before the pictures remembered (0.25 s), and then moved is D. Allocates on a new
-  // size only.
+  // of it where depth_us lies before the pictures remembered (0.25 s), and then moved is D. Allocates on a
+  // new size only.
   double Run(ImageView<const float> D, std::int64_t depth_us, cv::Mat1f* moved);
 
  private:

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <vector>
 
 #include "proto/base/check.h"
 #include "server/segmentation/color_evidence.h"
@@ -34,8 +35,10 @@ inline constexpr float kReach = 18.0f;
 // Sum over the channels, grey levels above the noise, across which nothing is handed on.
 inline constexpr float kFullEdge = 228.0f;
 inline constexpr float kDarkest = 0.2f;
-// What may be one actor is not where evidence turns: levels for each step of its mean.
-inline constexpr float kTurn = 1.0f;
+// Where evidence turns there is rather an outline, most of all where both sides would be one actor: levels
+// for each step of its mean.
+inline constexpr float kTurnOfActor = 1.0f;
+inline constexpr float kTurnOfRoom = 0.25f;
 inline constexpr int kRounds = 2;
 // Beyond, evidence is only more certain of the same.
 inline constexpr float kClear = 3.0f;
@@ -74,8 +77,8 @@ template <class D>
 HWY_INLINE void KeepAt(D d, const EdgeRow& row, std::size_t x, float noise, float most) {
   const auto light = hn::Min(hn::LoadU(d, row.light + x), hn::LoadU(d, row.light_next + x));
   const auto turn = hn::Abs(hn::Sub(LoadByte(d, row.around_next + x), LoadByte(d, row.around + x)));
-  auto plain = hn::Mul(turn, hn::Set(d, kTurn));
-  auto lit = hn::Zero(d), dark = lit;
+  auto plain = hn::Mul(turn, hn::Set(d, kTurnOfActor));
+  auto lit = hn::Mul(turn, hn::Set(d, kTurnOfRoom)), dark = lit;
   for (std::size_t c = 0; c < 3; ++c) {
     const auto seen = hn::Sub(LoadByte(d, row.picture_next[c] + x), LoadByte(d, row.picture[c] + x));
     const auto room = hn::Sub(LoadByte(d, row.room_next[c] + x), LoadByte(d, row.room[c] + x));
@@ -160,19 +163,22 @@ constexpr int kBlock = 8;
 constexpr int kLeast = 6;
 constexpr int kMargin = 16;
 
-// Sum over the channels of |difference| that two pixels of one surface show by noise alone, typically.
+// Sum over the channels of |difference| that two pixels of one surface show by noise alone, typically: of the
+// quarter of the room that is known best, the rest is the model's doubt and no noise of the camera's.
 float NoiseOfContrast(const BackgroundModel& model) {
   constexpr int kStep = 16;
-  double sum = 0;
-  int count = 0;
+  std::vector<float> sums;
   for (int y = kStep / 2; y < model.variance[0].rows; y += kStep) {
     for (int x = kStep / 2; x < model.variance[0].cols; x += kStep) {
+      float sum = 0;
       for (const cv::Mat1f& variance : model.variance) sum += std::sqrt(variance(y, x));
-      ++count;
+      sums.push_back(sum);
     }
   }
-  // E|a - b| = 2 sigma / sqrt(pi).
-  return count == 0 ? 0.0f : static_cast<float>(1.128 * sum / count);
+  if (sums.empty()) return 0;
+  const auto quarter = sums.begin() + static_cast<std::ptrdiff_t>(sums.size() / 4);
+  std::nth_element(sums.begin(), quarter, sums.end());
+  return 1.128f * *quarter;  // E|a - b| = 2 sigma / sqrt(pi)
 }
 
 // Many rows beside each other: each one's recursion waits for its last product, eight do not.
