@@ -21,6 +21,7 @@ target_link_libraries(TinyGLTF::TinyGLTF INTERFACE draco::draco)
 find_package(Boost 1.74 REQUIRED)
 find_package(OpenSSL 3.0 REQUIRED)
 find_package(SDL2 REQUIRED)
+find_package(Bullet REQUIRED)
 pkg_check_modules(lcm REQUIRED IMPORTED_TARGET lcm) # 1.3.1 ships no CMake package
 pkg_check_modules(libav REQUIRED IMPORTED_TARGET libavcodec libavutil)
 pkg_check_modules(egl REQUIRED IMPORTED_TARGET egl)
@@ -35,3 +36,10 @@ target_link_libraries(mixstage_deps_base INTERFACE opencv_core opencv_imgproc op
 # Eigen may not assume wider alignment than the libraries it meets were built with.
 target_compile_definitions(mixstage_deps_base INTERFACE EIGEN_MAX_ALIGN_BYTES=16 EIGEN_MAX_STATIC_ALIGN_BYTES=16
                            MIXSTAGE_VERSION="${PROJECT_VERSION}")
+
+# Bullet's package names no targets, and paths relative to its root.
+add_library(mixstage_bullet INTERFACE)
+add_library(mixstage::bullet ALIAS mixstage_bullet)
+target_include_directories(mixstage_bullet SYSTEM INTERFACE ${BULLET_ROOT_DIR}/${BULLET_INCLUDE_DIRS})
+target_link_directories(mixstage_bullet INTERFACE ${BULLET_ROOT_DIR}/${BULLET_LIBRARY_DIRS})
+target_link_libraries(mixstage_bullet INTERFACE BulletDynamics BulletCollision LinearMath)

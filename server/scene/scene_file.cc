@@ -61,6 +61,8 @@ Result<LoadedScene> LoadScene(const std::filesystem::path& file, const ModelLoad
     placed.body = object.body;
     placed.drop = object.drop;
     placed.mass_kg = object.mass_kg;
+    placed.friction = object.friction;
+    placed.restitution = object.restitution;
     loaded.scene.objects.push_back(std::move(placed));
   }
   return loaded;

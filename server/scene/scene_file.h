@@ -39,7 +39,7 @@ struct SceneDescription {
     Body body = Body::kMutual;
     bool drop = false;
     bool hidden = false;
-    double mass_kg = 1.0;
+    double mass_kg = 1.0, friction = 0.5, restitution = 0.1;
   };
   SceneFrame frame = SceneFrame::kWorld;
   std::vector<Object> objects;

@@ -61,11 +61,11 @@ Status ReadObject(YamlFields& f, std::size_t number, SceneDescription& scene) {
   object.line = f.line();
   object.name = "object " + std::to_string(number + 1);
   std::size_t body = 1;
-  const bool has_drop = f.Has("drop");
   if (auto ok =
           All({f.Text("name", object.name), f.Text("file", object.file), f.Flag("drop", object.drop),
                f.Flag("hidden", object.hidden), f.Choice("body", {"isolated", "mutual", "actor"}, body),
-               f.NumberIn("mass_kg", 1e-6, 1e6, object.mass_kg), ReadPlacing(f, object), f.CheckAllKnown()});
+               f.NumberIn("mass_kg", 0.001, 10'000, object.mass_kg), f.NumberIn("friction", 0, 2, object.friction),
+               f.NumberIn("restitution", 0, 1, object.restitution), ReadPlacing(f, object), f.CheckAllKnown()});
       !ok) {
     return ok;
   }
@@ -74,7 +74,6 @@ Status ReadObject(YamlFields& f, std::size_t number, SceneDescription& scene) {
   for (const auto& other : scene.objects) {
     if (other.name == object.name) return f.Bad("name", "is the name of another object: " + object.name);
   }
-  if (has_drop && object.drop) scene.warnings.push_back("object " + object.name + ": drop has no effect yet");
   scene.objects.push_back(std::move(object));
   return {};
 }

@@ -82,7 +82,8 @@ std::string ObjectYaml(const SceneObject& object) {
   if (object.hidden) text += "    hidden: true\n";
   constexpr const char* kBodies[] = {"isolated", "mutual", "actor"};
   text += std::string("    body: ") + kBodies[static_cast<int>(object.body) - 1] + "\n";
-  return text + "    mass_kg: " + Number(object.mass_kg) + "\n";
+  return text + "    mass_kg: " + Number(object.mass_kg) + "\n    friction: " + Number(object.friction) +
+         "\n    restitution: " + Number(object.restitution) + "\n";
 }
 
 std::string LightYaml(const Light& light) {

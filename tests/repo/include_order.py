@@ -11,7 +11,7 @@ import sys
 ORDER = [
     "proto/base", "proto/geometry", "proto/codec", "proto/lcm", "proto/link", "proto/take", "proto/watch",
     "proto/synthetic", "server/gl", "server/raster", "capture_agent", "server/calibration", "server/ingest",
-    "server/depth", "server/environment", "server/tracking", "server/segmentation", "server/scene", "server/render",
+    "server/depth", "server/environment", "server/tracking", "server/segmentation", "server/scene", "server/physics", "server/render",
     "server/composite", "server/delivery", "server/pipeline", "server/app", "viewer_client/native",
 ]
 # Two programs that only share what stands in proto: neither may reach into the other.
