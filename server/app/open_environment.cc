@@ -24,11 +24,16 @@ Result<OpenedEnvironment> OpenEnvironment(const std::filesystem::path& folder) {
   opened.environment = std::move(parsed->environment);
   for (const std::string& warning : parsed->warnings)
     opened.warnings.push_back((folder / "environment.json").string() + ": " + warning);
+  std::vector<Eigen::Vector3f> surface_positions = model->positions;
+  std::vector<std::uint32_t> surface_indices = model->indices;
   SplitForPanorama(opened.environment.panorama, kMostTriangles, *model);
   opened.how = "environment, " + std::to_string(model->triangle_count()) + " triangles";
   opened.room = {.model = std::move(*model),
                  .doubt = {.registration_px = static_cast<float>(opened.environment.registration_px),
-                           .depth_sigma_m = static_cast<float>(opened.environment.depth_sigma_m)}};
+                           .depth_sigma_m = static_cast<float>(opened.environment.depth_sigma_m)},
+                 .surface_positions = std::move(surface_positions),
+                 .surface_indices = std::move(surface_indices),
+                 .planes = opened.environment.planes};
   return opened;
 }
 

@@ -29,7 +29,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-constexpr std::array<std::pair<std::string_view, Export>, 9> kExportNames = {
+constexpr std::array<std::pair<std::string_view, Export>, 10> kExportNames = {
     {{"composite", Export::kComposite},
      {"depth", Export::kDepth},
      {"alpha", Export::kAlpha},
@@ -38,9 +38,27 @@ constexpr std::array<std::pair<std::string_view, Export>, 9> kExportNames = {
      {"predicted", Export::kPredicted},
      {"mesh", Export::kMesh},
      {"pose", Export::kPose},
+     {"events", Export::kEvents},
      {"report", Export::kReport}}};
 constexpr int kWarmUpFrames = 10;  // not counted in core-ms per frame
 constexpr std::size_t kMaxWarnings = 100;
+
+std::array<double, 3> Numbers(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+Json ToJson(const PhysicsEvent& event, double take_t_s) {
+  Json json = {{"event", PhysicsEventName(event.kind)}, {"timestamp", take_t_s}, {"object", event.name}};
+  if (event.kind == PhysicsEventKind::kProblem) {
+    json["text"] = event.text;
+    return json;
+  }
+  if (event.kind == PhysicsEventKind::kTouch) json["with"] = event.with;
+  json["point"] = Numbers(event.point);
+  if (event.kind == PhysicsEventKind::kTouch) {
+    json["normal"] = Numbers(event.normal);
+    json["impulse_ns"] = event.impulse_ns;
+  }
+  return json;
+}
 
 // Writes one frame's exports. PNG compression is light: the files are many and read by tools.
 class Exporter {
@@ -49,7 +67,8 @@ class Exporter {
     std::error_code error;
     fs::create_directories(out, error);
     for (const auto& [name, kind] : kExportNames) {
-      if (!exports.contains(kind) || kind == Export::kPose || kind == Export::kReport) continue;
+      if (!exports.contains(kind) || kind == Export::kPose || kind == Export::kEvents || kind == Export::kReport)
+        continue;
       if (kind == Export::kPredicted) {
         fs::create_directories(out / "predicted_color", error);
         if (!error) fs::create_directories(out / "predicted_depth", error);
@@ -87,6 +106,11 @@ class Exporter {
     }
     if (exports_.contains(Export::kPose))
       poses_ << TumLine(frame.captured->take_t_s, frame.T_world_color) << "\n";
+    if (exports_.contains(Export::kEvents)) {
+      for (const PhysicsEvent& event : frame.events)
+        events_ << ToJson(event, frame.captured->take_t_s).dump(-1, ' ', false, Json::error_handler_t::replace)
+                << "\n";
+    }
     return {};
   }
   Status Finish(const std::string& report) {
@@ -94,6 +118,9 @@ class Exporter {
       if (auto ok = SaveText("pose.txt", "# timestamp tx ty tz qx qy qz qw (T_world_color)\n" + poses_.str());
           !ok)
         return ok;
+    }
+    if (exports_.contains(Export::kEvents)) {
+      if (auto ok = SaveText("events.jsonl", events_.str()); !ok) return ok;
     }
     return SaveText("report.json", report);
   }
@@ -123,7 +150,7 @@ class Exporter {
 
   fs::path out_;
   std::set<Export> exports_;
-  std::ostringstream poses_;
+  std::ostringstream poses_, events_;
 };
 
 Json ToJson(const Distribution& d) {

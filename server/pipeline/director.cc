@@ -22,6 +22,7 @@ namespace fs = std::filesystem;
 
 constexpr std::chrono::milliseconds kTurn(50);
 constexpr std::int64_t kPublishSpacingUs = 50'000;  // a drag is seen by others at 20 Hz, its end at once
+constexpr std::int64_t kFollowSpacingUs = 100'000;
 constexpr std::int64_t kListSpacingUs = 2'000'000;
 constexpr std::size_t kMostWaitingAdds = 16;
 
@@ -87,6 +88,24 @@ void Director::SeeRoom(std::shared_ptr<const BackgroundModel> room, const RigidT
   T_world_color_ = T_world_color;
 }
 
+void Director::SeeMoved(std::vector<MovedObject> moved) {
+  const std::lock_guard lock(mutex_);
+  moved_ = std::move(moved);
+}
+
+// Only where something moves: once at rest nothing is said any more.
+void Director::FollowPhysics() {
+  std::vector<MovedObject> moved;
+  {
+    const std::lock_guard lock(mutex_);
+    moved.swap(moved_);
+  }
+  followed_us_ = MonotonicMicros();
+  if (moved.empty()) return;
+  editor_.Follow(moved);
+  changed_ = true;
+}
+
 void Director::Run(const std::stop_token& stop) {
   pthread_setname_np(pthread_self(), "director");
   while (!stop.stop_requested()) {
@@ -95,6 +114,7 @@ void Director::Run(const std::stop_token& stop) {
       edits.push_back(std::move(*edit));
       if (edits.size() >= kMaxWaitingEdits) break;
     }
+    if (!edits.empty() || MonotonicMicros() - followed_us_ >= kFollowSpacingUs) FollowPhysics();
     const std::uint64_t revision = editor_.scene()->revision;
     if (!edits.empty()) LookAtRoom();
     for (std::size_t i = 0; i < edits.size(); ++i) {

@@ -47,6 +47,8 @@ class Director {
   // The scene, where it changed since the last call; else null.
   [[nodiscard]] std::shared_ptr<const Scene> TakeScene();
   // What the camera sees of the empty set, and where it stands, for edits that follow.
+  // Where physics has brought objects, for viewers, further edits and `save`.
+  void SeeMoved(std::vector<MovedObject> moved);
   void SeeRoom(std::shared_ptr<const BackgroundModel> room, const RigidTransform& T_world_color);
 
  private:
@@ -71,6 +73,7 @@ class Director {
   void FinishImport();
   void ListModels();
   void LookAtRoom();
+  void FollowPhysics();
   void Publish();
   void Refuse(const ReceivedEdit& edit, std::string reason);
   [[nodiscard]] std::optional<AddedModel> Known(const std::string& file);
@@ -89,12 +92,13 @@ class Director {
   std::deque<WaitingAdd> waiting_;  // the front's model is being read while importing_ is valid
   std::future<Result<LoadedModel>> importing_;
   bool changed_ = true;  // since the last scene that was published
-  std::int64_t published_us_ = 0;
+  std::int64_t published_us_ = 0, followed_us_ = 0;
 
   std::mutex mutex_;  // guards what follows
   std::shared_ptr<const Scene> scene_for_frames_;
   std::shared_ptr<const BackgroundModel> room_;
   RigidTransform T_world_color_ = RigidTransform::Identity();
+  std::vector<MovedObject> moved_;
 
   std::jthread thread_;  // last: it uses all of the above
 };

@@ -8,6 +8,7 @@
 
 #include "proto/geometry/frames.h"
 #include "server/ingest/captured_frame.h"
+#include "server/physics/physics_event.h"
 #include "server/render/cg_renderer.h"
 
 namespace mixstage {
@@ -27,6 +28,7 @@ struct Frame {
   cv::Mat1b alpha;          // key_actor: coverage of the actor, linear
   cv::Mat1f actor_depth_m;  // actor_surface: z of the actor, half size, 0 = not known; the worker's, until
                             // its next frame
+  std::vector<PhysicsEvent> events;  // step_physics
   const CgLayer* cg = nullptr;  // render_scene: null = no CG; the renderer's, until its next frame
   YuvImage composite;           // z_key
   cv::Mat1w depth_mm;           // z_key: z of what the composite shows, mm, 0 = unknown

@@ -12,6 +12,8 @@
 #include <utility>
 
 #include "proto/base/check.h"
+#include "proto/base/log.h"
+#include "server/segmentation/room_mesh.h"
 
 namespace mixstage {
 
@@ -25,6 +27,7 @@ struct FrameStages {
   static void LearnRoom(Studio& s, Frame& f);
   static void KeyActor(Studio& s, Frame& f);
   static void ShapeActor(Studio& s, Frame& f);
+  static void StepPhysics(Studio& s, Frame& f);
   static void RenderScene(Studio& s, Frame& f);
   static void CompositeZ(Studio& s, Frame& f);
 };
@@ -49,6 +52,8 @@ constexpr std::array kStages = {
           &FrameStages::KeyActor},
     Stage{{"actor_surface", 2.0, "frame", "the actor's depth          MixIn3D 2.4"},
           &FrameStages::ShapeActor},
+    Stage{{"step_physics", 1.0, "frame", "T_scene_object             MixIn3D 3.1, piVE 4"},
+          &FrameStages::StepPhysics},
     Stage{{"render_scene", 8.0, "frame", "virtual colour, depth      piVE 4"}, &FrameStages::RenderScene},
     Stage{{"z_key", 6.0, "frame", "composed colour, depth     MixIn3D 3.1, piVE 5"},
           &FrameStages::CompositeZ},
@@ -80,7 +85,10 @@ Studio::Studio(StudioSetup setup)
       poses_(std::move(setup.poses)),
       device_(std::move(setup.device)),
       renderer_name_(device_.Name()) {
-  if (setup.scene) scene_ = std::make_shared<const Scene>(std::move(*setup.scene));
+  if (setup.scene) {
+    scene_ = std::make_shared<const Scene>(std::move(*setup.scene));
+    posed_ = *scene_;
+  }
 }
 
 RigidTransform Studio::TSceneColor(const Frame& frame) const {
@@ -115,6 +123,9 @@ Result<Studio> Studio::Create(StudioSetup setup) {
     if (!view) return tl::unexpected(view.error());
     studio.room_view_.emplace(std::move(*view));
     studio.doubt_ = scanned->doubt;
+    studio.surface_positions_ = std::move(scanned->surface_positions);
+    studio.surface_indices_ = std::move(scanned->surface_indices);
+    studio.planes_ = std::move(scanned->planes);
     studio.room_state_ = RoomState::kKnown;
   }
   if (!studio.room_view_) {
@@ -154,6 +165,7 @@ void Studio::SetRoom(std::shared_ptr<const BackgroundModel> room, RoomState stat
 void Studio::UseRoom(std::shared_ptr<const BackgroundModel> room, RoomState state) {
   room_ = std::move(room);
   room_state_ = state;
+  room_is_new_ = true;
   room_depth_.reset();
   if (!room_->has_depth()) return;
   RoomDepth depth;
@@ -173,7 +185,43 @@ void Studio::UseRoom(std::shared_ptr<const BackgroundModel> room, RoomState stat
 void Studio::SetScene(std::shared_ptr<const Scene> scene) {
   MIX_CHECK(scene != nullptr && scene_ != nullptr && scene->frame == scene_->frame);
   scene_ = std::move(scene);
+  posed_ = *scene_;
+  if (physics_) physics_->SetScene(*scene_);
   illumination_ = IlluminationOf(*scene_);
+}
+
+std::vector<MovedObject> Studio::TakeMoved() {
+  std::vector<MovedObject> moved;
+  if (!std::exchange(moved_, false)) return moved;
+  for (std::size_t i = 0; i < posed_.objects.size(); ++i) {
+    const SceneObject& object = posed_.objects[i];
+    if (object.T_scene_object.matrix() != scene_->objects[i].T_scene_object.matrix())
+      moved.push_back({object.id, object.put, object.T_scene_object});
+  }
+  return moved;
+}
+
+// A scan is the room; without one what the empty set's depth shows from here.
+void Studio::ShowRoomToPhysics(const Frame& frame) {
+  room_is_new_ = false;
+  if (!room_view_) {
+    if (!room_ || !room_->has_depth()) return physics_->SetRoom({}, {});
+    const PictureMesh mesh = MakeRoomMesh(*room_, rig_.color, TSceneColor(frame), {});
+    return physics_->SetRoom(mesh.positions, mesh.indices);
+  }
+  const RigidTransform T_scene_world = TSceneColor(frame) * frame.T_world_color.inverse();
+  std::vector<Eigen::Vector3f> positions;
+  positions.reserve(surface_positions_.size());
+  for (const Eigen::Vector3f& p : surface_positions_)
+    positions.push_back((T_scene_world * p.cast<double>()).cast<float>());
+  std::vector<NamedPlane> planes;
+  for (const RoomPlane& plane : planes_) {
+    NamedPlane named{plane.name, T_scene_world.linear() * plane.normal, 0, {}};
+    named.d = plane.d - named.normal.dot(T_scene_world.translation());
+    for (const Eigen::Vector3d& corner : plane.polygon) named.extent.extend(T_scene_world * corner);
+    planes.push_back(std::move(named));
+  }
+  physics_->SetRoom(positions, surface_indices_, std::move(planes));
 }
 
 cv::Mat1f Studio::WarpDepth(const CapturedFrame& captured) {
@@ -339,11 +387,30 @@ void FrameStages::ShapeActor(Studio& s, Frame& f) {
   f.actor_depth_m = s.actor_surface_->depth_m();
 }
 
+void FrameStages::StepPhysics(Studio& s, Frame& f) {
+  f.events.clear();
+  if (!s.scene_ || s.room_state_ == RoomState::kLearning) return;
+  if (!s.physics_) {
+    if (std::ranges::none_of(s.scene_->objects, &SceneObject::drop)) return;
+    s.physics_ = std::make_unique<Physics>(s.scene_->frame);
+    s.room_is_new_ = true;
+    s.ShowRoomToPhysics(f);
+    s.physics_->SetScene(*s.scene_);
+  }
+  if (s.room_is_new_ && !s.room_view_) s.ShowRoomToPhysics(f);
+  s.physics_->StepTo(f.captured->capture_us);
+  s.moved_ |= s.physics_->WritePoses(s.posed_);
+  f.events = s.physics_->TakeEvents();
+  for (const PhysicsEvent& event : f.events) {
+    if (event.kind == PhysicsEventKind::kProblem) spdlog::warn("physics {}", event.text);
+  }
+}
+
 void FrameStages::RenderScene(Studio& s, Frame& f) {
   f.cg = nullptr;
   if (!s.scene_) return;
   const RigidTransform T_camera_scene = s.TSceneColor(f).inverse();
-  f.cg = &s.renderer_->Run(*s.scene_, T_camera_scene, s.illumination_);
+  f.cg = &s.renderer_->Run(s.posed_, T_camera_scene, s.illumination_);
 }
 
 void FrameStages::CompositeZ(Studio& s, Frame& f) {

@@ -135,7 +135,10 @@ void LiveShow::RunFrames() {
       if (auto scene = director_->TakeScene()) studio_.SetScene(std::move(scene));
     }
     studio_.Run(*frame, times_);
-    if (director_ != nullptr) director_->SeeRoom(studio_.room(), frame->T_world_color);
+    if (director_ != nullptr) {
+      director_->SeeRoom(studio_.room(), frame->T_world_color);
+      if (auto moved = studio_.TakeMoved(); !moved.empty()) director_->SeeMoved(std::move(moved));
+    }
     {
       const std::lock_guard lock(mutex_);
       if (studio_.scene()) scene_revision_ = studio_.scene()->revision;

@@ -12,6 +12,7 @@
 #include "server/depth/depth_motion.h"
 #include "server/depth/depth_warp.h"
 #include "server/environment/environment_folder.h"
+#include "server/physics/physics.h"
 #include "server/pipeline/frame.h"
 #include "server/pipeline/room_learner.h"
 #include "server/pipeline/stage_times.h"
@@ -30,6 +31,10 @@ namespace mixstage {
 struct ScannedRoom {
   RoomModel model;  // valid (checked)
   PredictionDoubt doubt{};
+  // What objects fall on: the surface as the scan left it, and its planes. May be empty: then the floor alone.
+  std::vector<Eigen::Vector3f> surface_positions{};
+  std::vector<std::uint32_t> surface_indices{};
+  std::vector<RoomPlane> planes{};
 };
 
 struct StudioSetup {
@@ -71,6 +76,8 @@ class Studio {
   [[nodiscard]] RoomView* room_view() { return room_view_ ? &*room_view_ : nullptr; }
   // Null = no CG.
   [[nodiscard]] const std::shared_ptr<const Scene>& scene() const { return scene_; }
+  // Objects that physics has moved since the last call, where they are now.
+  [[nodiscard]] std::vector<MovedObject> TakeMoved();
   // D of a captured frame: for learning from a clean plate. Empty when the frame has no usable depth.
   cv::Mat1f WarpDepth(const CapturedFrame& captured);
 
@@ -90,6 +97,7 @@ class Studio {
   [[nodiscard]] RigidTransform PoseOf(const CapturedFrame& captured);
   void PredictRoom(const RoomPrediction& prediction);
   void UseDepth(const RoomPrediction& prediction);
+  void ShowRoomToPhysics(const Frame& frame);
   [[nodiscard]] std::shared_ptr<BackgroundModel> UnusedModel();
 
   Rig rig_;
@@ -129,6 +137,14 @@ class Studio {
   std::uint64_t room_revision_ = 0;
   std::optional<Key> key_;
   std::optional<ActorSurface> actor_surface_;
+  // step_physics: null while nothing falls, or nothing is known that it could fall on
+  std::unique_ptr<Physics> physics_;
+  Scene posed_;  // scene_, its objects where physics has them
+  bool room_is_new_ = true;  // physics has not heard of it yet
+  bool moved_ = false;
+  std::vector<Eigen::Vector3f> surface_positions_;
+  std::vector<std::uint32_t> surface_indices_;
+  std::vector<RoomPlane> planes_;
   // render_scene, z_key
   std::optional<CgRenderer> renderer_;
   Illumination illumination_;

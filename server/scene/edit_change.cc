@@ -66,6 +66,7 @@ struct Change {
     if (auto inside = Inside(base, object.name.c_str()); !inside) return inside;
     const Eigen::Vector3d shift = base - StandOfObject(object).base;
     object.T_scene_object.pretranslate(shift);
+    object.put = ++context.last_put;
     return Keep(object);
   }
 
@@ -154,6 +155,7 @@ struct Change {
                                        Eigen::AngleAxisd(angle_rad, UpOf(scene.frame)) *
                                        Eigen::Translation3d(-base);
     object.T_scene_object = about_base * object.T_scene_object;
+    object.put = ++context.last_put;
     if (object.placing) {
       // Rz Ry Rx takes a turn about z as it is; one about -y where nothing comes after Ry.
       std::array<double, 3>& rotation = object.placing->rotation_deg;
@@ -173,11 +175,14 @@ struct Change {
     if (!found) return tl::unexpected(found.error());
     SceneObject& object = **found;
     const Stand stand = StandOfObject(object);
-    const Eigen::Vector3d up = UpOf(scene.frame);
-    std::optional<double> height = context.room.HighestSurfaceBelow(stand.base, stand.radius_m);
-    if (!height && scene.frame == SceneFrame::kWorld) height = 0;  // the floor
-    if (!height) return Refuse("The depth picture shows nothing under " + object.name + ".");
-    return PutBase(object, stand.base + (*height - up.dot(stand.base)) * up);
+    // A world has a floor.
+    if (scene.frame != SceneFrame::kWorld &&
+        !context.room.HighestSurfaceBelow(stand.base, stand.radius_m)) {
+      return Refuse("The depth picture shows nothing under " + object.name + ".");
+    }
+    object.drop = true;
+    object.put = ++context.last_put;
+    return {};
   }
 
   Status operator()(const DeleteObject& gone) const {

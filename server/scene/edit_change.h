@@ -39,6 +39,7 @@ struct EditContext {
   double room_m;                             // no object or light farther than this from the origin
   std::map<std::uint32_t, StandOf>& stands;  // by object
   std::uint32_t& last_object_id;             // raised by `add`
+  std::uint64_t& last_put;                   // SceneObject::put, raised by whatever puts an object somewhere
 };
 
 // Fails with kBadInput, a sentence for the author. Undo, redo and save are none of these ops (checked).

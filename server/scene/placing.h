@@ -23,5 +23,7 @@ struct Placing {
   bool operator==(const Placing&) const = default;
 };
 [[nodiscard]] Eigen::Affine3d TSceneObject(const Placing& placing, UpAxis usual_up);
+// The placing of a pose that differs from TSceneObject(like) by place and rotation alone.
+[[nodiscard]] Placing PlacingOf(const Eigen::Affine3d& T_scene_object, const Placing& like, UpAxis usual_up);
 
 }  // namespace mixstage

@@ -47,6 +47,13 @@ struct SceneObject {
   double restitution = 0.1;    // 0..1: speed after a bounce from the room over speed before
 };
 
+// An object that physics has moved.
+struct MovedObject {
+  std::uint32_t object = 0;
+  std::uint64_t put = 0;  // as in the scene that physics moves it from
+  Eigen::Affine3d T_scene_object = Eigen::Affine3d::Identity();
+};
+
 // Strengths are relative to the picture: 1.0 = the picture's white, linear light. A white (albedo 1) matt
 // surface shows irradiance / pi.
 

@@ -47,7 +47,10 @@ std::uint32_t TargetOf(const EditOp& op) {
 
 SceneEditor::SceneEditor(Scene scene, DefaultLight default_light, SceneEditorLimits limits)
     : default_light_(std::move(default_light)), limits_(limits), revision_(scene.revision) {
-  for (const SceneObject& object : scene.objects) last_object_id_ = std::max(last_object_id_, object.id);
+  for (const SceneObject& object : scene.objects) {
+    last_object_id_ = std::max(last_object_id_, object.id);
+    last_put_ = std::max(last_put_, object.put);
+  }
   now_.scene = std::make_shared<const Scene>(std::move(scene));
 }
 
@@ -70,7 +73,8 @@ Status SceneEditor::Apply(const WatchEdit& edit, const EditSource& source, const
                                    .default_light = default_light_,
                                    .room_m = limits_.room_m,
                                    .stands = stands_,
-                                   .last_object_id = last_object_id_});
+                                   .last_object_id = last_object_id_,
+                                   .last_put = last_put_});
   if (!done) {
     if (dragged && !edit.live) CloseDrag();  // it ended where it was last
     return done;
@@ -99,6 +103,21 @@ Status SceneEditor::Step(std::vector<Version>& from, std::vector<Version>& to, c
   from.pop_back();
   Become(*back.scene, back.content);
   return {};
+}
+
+void SceneEditor::Follow(std::span<const MovedObject> moved) {
+  Scene scene = *now_.scene;
+  bool any = false;
+  for (const MovedObject& move : moved) {
+    const auto object = std::ranges::find(scene.objects, move.object, &SceneObject::id);
+    if (object == scene.objects.end() || object->put != move.put) continue;
+    any = true;
+    object->T_scene_object = move.T_scene_object;
+    if (!object->placing) continue;
+    object->placing = PlacingOf(move.T_scene_object, *object->placing, object->usual_up);
+    object->T_scene_object = TSceneObject(*object->placing, object->usual_up);
+  }
+  if (any) Become(std::move(scene), now_.content);
 }
 
 void SceneEditor::CloseDrag() {

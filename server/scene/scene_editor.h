@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -41,6 +42,10 @@ class SceneEditor {
   // else not read. `save` is the caller's: it is none of these ops here (checked).
   Status Apply(const WatchEdit& edit, const EditSource& source, const RoomProbe& room,
                const AddedModel* model = nullptr);
+
+  // Where physics has brought objects since: no step of undo, nothing to save. Those that a person has put
+  // somewhere since are left alone.
+  void Follow(std::span<const MovedObject> moved);
 
   // The scene now: immutable; meshes are shared with all earlier ones. Every change raises its revision.
   [[nodiscard]] const std::shared_ptr<const Scene>& scene() const { return now_.scene; }
@@ -77,6 +82,7 @@ class SceneEditor {
   std::vector<Drag> drags_;  // edits that have been live since
   std::uint64_t revision_ = 0, content_ = 0, saved_ = 0;
   std::uint32_t last_object_id_ = 0;
+  std::uint64_t last_put_ = 0;
   std::map<std::uint32_t, StandOf> stands_;
   std::string by_;
 };

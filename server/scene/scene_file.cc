@@ -59,6 +59,7 @@ Result<LoadedScene> LoadScene(const std::filesystem::path& file, const ModelLoad
     placed.T_scene_object = object.pose ? *object.pose : TSceneObject(object.placing, found->second.up);
     placed.hidden = object.hidden;
     placed.body = object.body;
+    placed.put = 1;
     placed.drop = object.drop;
     placed.mass_kg = object.mass_kg;
     placed.friction = object.friction;

@@ -344,6 +344,37 @@ def two_directors_edit_one_scene():
         assert moved["revision"] < scene["revision"] < back["revision"]
 
 
+def a_dropped_object_lands_on_the_floor():
+    with tempfile.TemporaryDirectory() as folder:
+        folder = pathlib.Path(folder)
+        shutil.copy(DEMO / "amphora.glb", folder)
+        (folder / "scene.yaml").write_text("""version: 1
+objects:
+  - {name: falling, file: amphora.glb, position: [2.72, 1.05, 0.9], scale: 0.5, drop: true, restitution: 0}
+  - {name: standing, file: amphora.glb, position: [2.0, 0.9, 0.9], scale: 0.5}
+  - {name: walled, file: amphora.glb, position: [2.0, 0.5, -0.3], scale: 0.5, drop: true}
+""")
+        made = subprocess.run([BUILD / "tests" / "make_synthetic_take", folder / "take", "13.7", "16.2"], capture_output=True, text=True)
+        assert made.returncode == 0, made
+        texts = []
+        for out in ("once", "twice"):
+            done = subprocess.run([BUILD / "mixstage-server", "--log-level", "error", "process", "--take", folder / "take", "--scene",
+                                   folder / "scene.yaml", "--out", folder / out, "--export", "events"], capture_output=True, text=True)
+            assert done.returncode == 0, done
+            texts.append((folder / out / "events.jsonl").read_bytes())
+        assert texts[0] == texts[1], "the same take, other events"
+        events = [json.loads(line) for line in texts[0].splitlines()]
+        assert not [e for e in events if e["object"] == "standing"], events
+        assert [e["event"] for e in events if e["object"] == "walled"] == ["problem"], events
+        touch, *_ = [e for e in events if e["event"] == "touch"]
+        rest, = [e for e in events if e["event"] == "rest"]
+        assert touch["object"] == rest["object"] == "falling" and touch["with"] in ("floor", "room"), events
+        assert abs(touch["point"][2]) < 0.03 and touch["normal"][2] > 0.9 and touch["impulse_ns"] > 1, touch
+        first = float((folder / "take" / "rgb.txt").read_text().splitlines()[-75].split()[0])
+        fall_s = touch["timestamp"] - first
+        assert abs(fall_s - (2 * 0.9 / 9.81) ** 0.5) < 0.1, fall_s
+
+
 def without_a_scene_an_edit_is_refused():
     with Studio(BUILD) as studio:
         studio.server(scene=None)
@@ -540,7 +571,8 @@ def help_and_version_answer_everywhere():
 TESTS = [help_and_version_answer_everywhere, wrong_use_is_one_line_and_exit_2, live_show_reaches_the_viewer,
          the_order_of_starting_does_not_matter, a_killed_agent_comes_back, a_killed_server_comes_back_and_the_viewer_reconnects,
          stalled_and_rude_viewers_disturb_nobody, a_foreign_page_is_refused,
-         strangers_log_in_by_tls_and_go_when_revoked, two_directors_edit_one_scene, without_a_scene_an_edit_is_refused,
+         strangers_log_in_by_tls_and_go_when_revoked, two_directors_edit_one_scene, a_dropped_object_lands_on_the_floor,
+         without_a_scene_an_edit_is_refused,
          hostile_datagrams_do_not_disturb_the_show, sigterm_ends_cleanly, no_server_never_blocks_the_agent,
          metrics_and_health_tell_the_truth, a_killed_server_leaves_a_take_that_plays,
          a_recording_of_a_recording_is_the_same_bytes, what_the_viewer_keeps_is_a_take,
