@@ -67,7 +67,8 @@ class Exporter {
     std::error_code error;
     fs::create_directories(out, error);
     for (const auto& [name, kind] : kExportNames) {
-      if (!exports.contains(kind) || kind == Export::kPose || kind == Export::kEvents || kind == Export::kReport)
+      if (!exports.contains(kind) || kind == Export::kPose || kind == Export::kEvents ||
+          kind == Export::kReport)
         continue;
       if (kind == Export::kPredicted) {
         fs::create_directories(out / "predicted_color", error);
@@ -108,8 +109,9 @@ class Exporter {
       poses_ << TumLine(frame.captured->take_t_s, frame.T_world_color) << "\n";
     if (exports_.contains(Export::kEvents)) {
       for (const PhysicsEvent& event : frame.events)
-        events_ << ToJson(event, frame.captured->take_t_s).dump(-1, ' ', false, Json::error_handler_t::replace)
-                << "\n";
+        events_
+            << ToJson(event, frame.captured->take_t_s).dump(-1, ' ', false, Json::error_handler_t::replace)
+            << "\n";
     }
     return {};
   }

@@ -13,7 +13,18 @@
 namespace mixstage {
 
 // What `process` can write, by the names of --export (SPEC.md 8).
-enum class Export { kComposite = 1, kDepth, kAlpha, kLabel, kCgAlpha, kPredicted, kMesh, kPose, kEvents, kReport };
+enum class Export {
+  kComposite = 1,
+  kDepth,
+  kAlpha,
+  kLabel,
+  kCgAlpha,
+  kPredicted,
+  kMesh,
+  kPose,
+  kEvents,
+  kReport
+};
 
 // "composite,alpha,report"; fails (kInvalidConfig) on a name that is none, and lists those that are.
 Result<std::set<Export>> ParseExports(const std::string& list);

@@ -160,7 +160,8 @@ void ActorCollider::Move(const Eigen::Vector3d& camera, double dt_s) {
     }
     const double speed = track.velocity.norm();
     if (speed > config_.fastest_m_s) track.velocity *= config_.fastest_m_s / speed;
-    if ((track.at - before).norm() > farthest) track.at = before + farthest * (track.at - before).normalized();
+    if ((track.at - before).norm() > farthest)
+      track.at = before + farthest * (track.at - before).normalized();
     ActorBall& ball = balls_[i];
     Eigen::Vector3d center = track.at - config_.radius_m * normal;
     // The normal trembles: the ball may not.

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The actor as something that pushes (piVE 4's third kind of object; algorithms 8): his depth surface as small
-// balls that are followed from picture to picture. Each ball takes the points of the new surface that are
-// nearest to where its motion would have brought it, and moves to their middle: so it keeps its piece of him,
-// has his velocity, and never jumps.
+// The actor as something that pushes (piVE 4's third kind of object; algorithms 8): his depth surface as
+// small balls that are followed from picture to picture. Each ball takes the points of the new surface that
+// are nearest to where its motion would have brought it, and moves to their middle: so it keeps its piece of
+// him, has his velocity, and never jumps.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -20,10 +20,10 @@
 namespace mixstage {
 
 struct ActorColliderConfig {
-  double radius_m = 0.04;    // of a ball: it lies behind the surface and touches it
-  double spacing_m = 0.06;   // of balls on the surface
-  double fastest_m_s = 8;    // no ball is faster
-  std::size_t most = 400;    // balls
+  double radius_m = 0.04;   // of a ball: it lies behind the surface and touches it
+  double spacing_m = 0.06;  // of balls on the surface
+  double fastest_m_s = 8;   // no ball is faster
+  std::size_t most = 400;   // balls
 };
 
 // One thread at a time.
@@ -63,7 +63,7 @@ class ActorCollider {
   std::vector<Eigen::Vector2f> rays_;  // [rows x columns] x/z, y/z; NaN = none
   std::vector<Eigen::Vector3d> points_, unclaimed_;
   std::vector<bool> wanted_;
-  std::vector<Track> tracks_;      // in step with balls_
+  std::vector<Track> tracks_;  // in step with balls_
   std::vector<ActorBall> balls_;
   std::uint32_t last_id_ = 0;
   std::int64_t last_us_ = 0;

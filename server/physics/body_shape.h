@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // A model as something that can be touched (MixIn3D 3.1): what falls, rests and rolls is not the drawn
-// triangles but a few convex parts, one for each piece of the model that hangs together: a ball, a box, or the
-// hull of its vertices. Private to server/physics (Bullet's types).
+// triangles but a few convex parts, one for each piece of the model that hangs together: a ball, a box, or
+// the hull of its vertices. Private to server/physics (Bullet's types).
 #pragma once
 
 #include <btBulletCollisionCommon.h>
@@ -38,8 +38,8 @@ struct SplitPose {
 };
 [[nodiscard]] SplitPose Split(const Eigen::Affine3d& T_scene_object);
 
-// Density is even over the convex parts. Fails (kBadInput) where the stretched model is smaller or larger than
-// the limits above or not finite. Vertices no triangle uses do not count.
+// Density is even over the convex parts. Fails (kBadInput) where the stretched model is smaller or larger
+// than the limits above or not finite. Vertices no triangle uses do not count.
 Result<BodyShape> MakeBodyShape(const Mesh& mesh, const Eigen::Matrix3d& stretch);
 
 }  // namespace mixstage

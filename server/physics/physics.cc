@@ -22,12 +22,11 @@ constexpr float kStepS = 1.0f / kPhysicsStepsPerSecond;
 constexpr std::int64_t kMostSteps = kPhysicsStepsPerSecond / 4;
 constexpr std::int64_t kDragSteps = kPhysicsStepsPerSecond / 4;
 constexpr std::int64_t kApartSteps = kPhysicsStepsPerSecond / 20;  // a contact that ends for less goes on
-constexpr double kFloorM = 0.005;                                  // what lies so near the floor is the floor
 constexpr double kLiftM = 0.05;                                    // a sunken object is lifted so far
 constexpr double kTouchM = 0.001;
-constexpr double kFallenM = 20;          // below the scene's origin: it has left the room
-constexpr float kFastest = 20.0f;        // m/s
-constexpr float kFastestTurn = 60.0f;    // rad/s
+constexpr double kFallenM = 20;        // below the scene's origin: it has left the room
+constexpr float kFastest = 20.0f;      // m/s
+constexpr float kFastestTurn = 60.0f;  // rad/s
 constexpr float kActorFriction = 0.8f;
 // What has not left these bounds for so long is at rest, however it trembles.
 constexpr double kRestM = 0.003, kRestRad = 0.03;
@@ -35,7 +34,13 @@ constexpr std::int64_t kRestSteps = kPhysicsStepsPerSecond / 2;
 constexpr std::size_t kMostEvents = 256;
 constexpr double kReachM = 0.5;
 
-enum Group : int { kRoomGroup = 1, kIsolatedGroup = 2, kMutualGroup = 4, kActorsObject = 8, kActorGroup = 16 };
+enum Group : int {
+  kRoomGroup = 1,
+  kIsolatedGroup = 2,
+  kMutualGroup = 4,
+  kActorsObject = 8,
+  kActorGroup = 16
+};
 constexpr int kObjects = kMutualGroup | kActorsObject;
 
 struct Filter {
@@ -356,9 +361,8 @@ struct Physics::State {
       }
     }
     for (auto& [id, ball] : balls) {
-      ball.body->setWorldTransform(
-          btTransform(btQuaternion::getIdentity(),
-                      ToBullet(Eigen::Vector3d(ball.from + share * (ball.to - ball.from)))));
+      ball.body->setWorldTransform(btTransform(
+          btQuaternion::getIdentity(), ToBullet(Eigen::Vector3d(ball.from + share * (ball.to - ball.from)))));
     }
     world.stepSimulation(kStepS, 0);
     ++step;
@@ -395,7 +399,11 @@ struct Physics::State {
       body.setActivationState(WANTS_DEACTIVATION);
     }
     if (resting && !object.resting) {
-      PhysicsEvent event{.kind = PhysicsEventKind::kRest, .t_us = now_us, .object = id, .name = object.name, .point = center};
+      PhysicsEvent event{.kind = PhysicsEventKind::kRest,
+                         .t_us = now_us,
+                         .object = id,
+                         .name = object.name,
+                         .point = center};
       Say(std::move(event));
     }
     object.resting = resting;
@@ -422,8 +430,7 @@ struct Physics::State {
         impulse_ns += static_cast<double>(point.getAppliedImpulse());
         if (deepest == nullptr || point.getDistance() < deepest->getDistance()) deepest = &point;
       }
-      if (deepest == nullptr || (impulse_ns <= 0 && static_cast<double>(deepest->getDistance()) > kTouchM))
-        continue;
+      if (!(impulse_ns > 0)) continue;
       const std::pair pair(a->getUserIndex(), b->getUserIndex());
       const auto known = touching.find(pair);
       const bool is_new = known == touching.end() || step - known->second > kApartSteps;
@@ -495,7 +502,7 @@ Physics::Physics(SceneFrame frame) : state_(std::make_unique<State>(frame)) {}
 Physics::~Physics() = default;
 
 void Physics::SetRoom(std::span<const Eigen::Vector3f> positions, std::span<const std::uint32_t> indices,
-                      std::vector<NamedPlane> planes) {
+                      std::vector<NamedPlane> planes, double floor_m) {
   State& s = *state_;
   if (s.room) s.world.removeRigidBody(s.room.get());
   s.room.reset();
@@ -510,7 +517,7 @@ void Physics::SetRoom(std::span<const Eigen::Vector3f> positions, std::span<cons
       MIX_CHECK(indices[t + k] < positions.size());
       const Eigen::Vector3f& p = positions[indices[t + k]];
       MIX_CHECK(p.allFinite());
-      on_floor = on_floor && std::abs(static_cast<double>(p.z())) < kFloorM;
+      on_floor = on_floor && std::abs(static_cast<double>(p.z())) < floor_m;
     }
     if (on_floor) continue;
     for (std::size_t k = 0; k < 3; ++k) s.indices.push_back(static_cast<int>(indices[t + k]));

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Gravity and touch (MixIn3D 3.1, piVE 4; algorithms 8), by Bullet in fixed steps of 1/240 s. The scanned room
-// is a standing surface, the actor a set of small balls that move with him, an object with `drop` a rigid body:
-// it falls, rests, is pushed, from wherever a person put it last. Objects without `drop` stand where they were
-// put; free ones meet them. Who touches whom: isolated objects the room alone, mutual ones the other objects
-// too, actor's ones the actor as well.
+// Gravity and touch (MixIn3D 3.1, piVE 4; algorithms 8), by Bullet in fixed steps of 1/240 s. The scanned
+// room is a standing surface, the actor a set of small balls that move with him, an object with `drop` a
+// rigid body: it falls, rests, is pushed, from wherever a person put it last. Objects without `drop` stand
+// where they were put; free ones meet them. Who touches whom: isolated objects the room alone, mutual ones
+// the other objects too, actor's ones the actor as well.
 //
 // The same calls give the same poses, bit for bit. Nothing is allocated for a scene in which nothing falls.
 #pragma once
@@ -47,15 +47,15 @@ class Physics {
   Physics& operator=(const Physics&) = delete;
 
   // The room as a surface of triangles, its visible side counter-clockwise; empty = none. A world scene has
-  // its floor at z = 0 beside it, and what of the surface lies on that (5 mm) is the floor. All numbers are
-  // finite, indices in range (checked).
+  // its floor at z = 0 beside it, and what of the surface lies within floor_m of that is the floor. All
+  // numbers are finite, indices in range (checked). Takes a second for a million triangles.
   void SetRoom(std::span<const Eigen::Vector3f> positions, std::span<const std::uint32_t> indices,
-               std::vector<NamedPlane> planes = {});
+               std::vector<NamedPlane> planes = {}, double floor_m = 0.005);
 
   // The scene from now on. Free objects go on from where they are, except those that a person has put
-  // somewhere since (SceneObject::put): these start there, at rest; one that was free already waits 250 ms for
-  // its drag to go on. An object that stands in the room is lifted out of it by up to 5 cm; one that stands
-  // deeper in it, or whose size is none, stays where it was put, and a problem says so.
+  // somewhere since (SceneObject::put): these start there, at rest; one that was free already waits 250 ms
+  // for its drag to go on. An object that stands in the room is lifted out of it by up to 5 cm; one that
+  // stands deeper in it, or whose size is none, stays where it was put, and a problem says so.
   void SetScene(const Scene& scene);
 
   // Whether anything may move: an object is free and shown.

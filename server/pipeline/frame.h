@@ -29,10 +29,10 @@ struct Frame {
   cv::Mat1f actor_depth_m;  // actor_surface: z of the actor, half size, 0 = not known; the worker's, until
                             // its next frame
   std::vector<PhysicsEvent> events;  // step_physics
-  const CgLayer* cg = nullptr;  // render_scene: null = no CG; the renderer's, until its next frame
-  YuvImage composite;           // z_key
-  cv::Mat1w depth_mm;           // z_key: z of what the composite shows, mm, 0 = unknown
-  cv::Mat1b cg_alpha;           // z_key: visible coverage of CG
+  const CgLayer* cg = nullptr;       // render_scene: null = no CG; the renderer's, until its next frame
+  YuvImage composite;                // z_key
+  cv::Mat1w depth_mm;                // z_key: z of what the composite shows, mm, 0 = unknown
+  cv::Mat1b cg_alpha;                // z_key: visible coverage of CG
 
   std::int64_t encoded_us = 0;  // encode: server clock when the encoders were done
 };

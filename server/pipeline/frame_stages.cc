@@ -144,6 +144,10 @@ Result<Studio> Studio::Create(StudioSetup setup) {
     if (!renderer) return tl::unexpected(renderer.error());
     studio.renderer_.emplace(std::move(*renderer));
     studio.illumination_ = IlluminationOf(*studio.scene_);
+    // A scanned room is known now: its surface is prepared before the show, not at the first drop.
+    if (studio.room_view_ && studio.scene_->frame == SceneFrame::kWorld) {
+      studio.StartPhysics(RigidTransform::Identity(), RigidTransform::Identity());
+    }
   }
   return studio;
 }
@@ -201,15 +205,28 @@ std::vector<MovedObject> Studio::TakeMoved() {
   return moved;
 }
 
+void Studio::StartPhysics(const RigidTransform& T_scene_color, const RigidTransform& T_scene_world) {
+  physics_ = std::make_unique<Physics>(scene_->frame);
+  actor_collider_ = std::make_unique<ActorCollider>(rig_.color);
+  ShowRoomToPhysics(T_scene_color, T_scene_world);
+  physics_->SetScene(*scene_);
+}
+
 // A scan is the room; without one what the empty set's depth shows from here.
-void Studio::ShowRoomToPhysics(const Frame& frame) {
+void Studio::ShowRoomToPhysics(const RigidTransform& T_scene_color, const RigidTransform& T_scene_world) {
   room_is_new_ = false;
   if (!room_view_) {
     if (!room_ || !room_->has_depth()) return physics_->SetRoom({}, {});
-    const PictureMesh mesh = MakeRoomMesh(*room_, rig_.color, TSceneColor(frame), {});
-    return physics_->SetRoom(mesh.positions, mesh.indices);
+    const PictureMesh mesh = MakeRoomMesh(*room_, rig_.color, T_scene_color, {.max_triangles = 8'000});
+    // The floor is better known than a depth camera measures it.
+    std::vector<float> sigmas;
+    for (const float sigma : room_->sigma_m) {
+      if (sigma > 0) sigmas.push_back(sigma);
+    }
+    std::ranges::sort(sigmas);
+    const double sigma_m = sigmas.empty() ? 0 : static_cast<double>(sigmas[sigmas.size() / 2]);
+    return physics_->SetRoom(mesh.positions, mesh.indices, {}, std::clamp(3 * sigma_m, 0.005, 0.08));
   }
-  const RigidTransform T_scene_world = TSceneColor(frame) * frame.T_world_color.inverse();
   std::vector<Eigen::Vector3f> positions;
   positions.reserve(surface_positions_.size());
   for (const Eigen::Vector3f& p : surface_positions_)
@@ -390,15 +407,18 @@ void FrameStages::ShapeActor(Studio& s, Frame& f) {
 void FrameStages::StepPhysics(Studio& s, Frame& f) {
   f.events.clear();
   if (!s.scene_ || s.room_state_ == RoomState::kLearning) return;
+  const RigidTransform T_scene_color = s.TSceneColor(f);
+  const RigidTransform T_scene_world = T_scene_color * f.T_world_color.inverse();
   if (!s.physics_) {
     if (std::ranges::none_of(s.scene_->objects, &SceneObject::drop)) return;
-    s.physics_ = std::make_unique<Physics>(s.scene_->frame);
-    s.room_is_new_ = true;
-    s.ShowRoomToPhysics(f);
-    s.physics_->SetScene(*s.scene_);
+    s.StartPhysics(T_scene_color, T_scene_world);
+  } else if (s.room_is_new_ && !s.room_view_) {
+    s.ShowRoomToPhysics(T_scene_color, T_scene_world);
   }
-  if (s.room_is_new_ && !s.room_view_) s.ShowRoomToPhysics(f);
-  s.physics_->StepTo(f.captured->capture_us);
+  const std::int64_t t_us = f.captured->capture_us;
+  const std::vector<Eigen::AlignedBox3d> reach = s.physics_->ActorReach();
+  s.physics_->StepTo(
+      t_us, s.actor_collider_->Run(View(std::as_const(f.actor_depth_m)), T_scene_color, reach, t_us));
   s.moved_ |= s.physics_->WritePoses(s.posed_);
   f.events = s.physics_->TakeEvents();
   for (const PhysicsEvent& event : f.events) {

@@ -12,6 +12,7 @@
 #include "server/depth/depth_motion.h"
 #include "server/depth/depth_warp.h"
 #include "server/environment/environment_folder.h"
+#include "server/physics/actor_collider.h"
 #include "server/physics/physics.h"
 #include "server/pipeline/frame.h"
 #include "server/pipeline/room_learner.h"
@@ -31,7 +32,8 @@ namespace mixstage {
 struct ScannedRoom {
   RoomModel model;  // valid (checked)
   PredictionDoubt doubt{};
-  // What objects fall on: the surface as the scan left it, and its planes. May be empty: then the floor alone.
+  // What objects fall on: the surface as the scan left it, and its planes. May be empty: then the floor
+  // alone.
   std::vector<Eigen::Vector3f> surface_positions{};
   std::vector<std::uint32_t> surface_indices{};
   std::vector<RoomPlane> planes{};
@@ -97,7 +99,8 @@ class Studio {
   [[nodiscard]] RigidTransform PoseOf(const CapturedFrame& captured);
   void PredictRoom(const RoomPrediction& prediction);
   void UseDepth(const RoomPrediction& prediction);
-  void ShowRoomToPhysics(const Frame& frame);
+  void StartPhysics(const RigidTransform& T_scene_color, const RigidTransform& T_scene_world);
+  void ShowRoomToPhysics(const RigidTransform& T_scene_color, const RigidTransform& T_scene_world);
   [[nodiscard]] std::shared_ptr<BackgroundModel> UnusedModel();
 
   Rig rig_;
@@ -137,9 +140,10 @@ class Studio {
   std::uint64_t room_revision_ = 0;
   std::optional<Key> key_;
   std::optional<ActorSurface> actor_surface_;
-  // step_physics: null while nothing falls, or nothing is known that it could fall on
+  // step_physics: null until something falls, where there is no scanned world
   std::unique_ptr<Physics> physics_;
-  Scene posed_;  // scene_, its objects where physics has them
+  std::unique_ptr<ActorCollider> actor_collider_;
+  Scene posed_;              // scene_, its objects where physics has them
   bool room_is_new_ = true;  // physics has not heard of it yet
   bool moved_ = false;
   std::vector<Eigen::Vector3f> surface_positions_;

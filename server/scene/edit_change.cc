@@ -176,8 +176,7 @@ struct Change {
     SceneObject& object = **found;
     const Stand stand = StandOfObject(object);
     // A world has a floor.
-    if (scene.frame != SceneFrame::kWorld &&
-        !context.room.HighestSurfaceBelow(stand.base, stand.radius_m)) {
+    if (scene.frame != SceneFrame::kWorld && !context.room.HighestSurfaceBelow(stand.base, stand.radius_m)) {
       return Refuse("The depth picture shows nothing under " + object.name + ".");
     }
     object.drop = true;

@@ -39,12 +39,12 @@ struct SceneObject {
   std::optional<Placing> placing;
   UpAxis usual_up = UpAxis::kY;  // of its kind of file
   Body body = Body::kMutual;
-  bool drop = false;           // falls, rests and may be pushed: physics moves it from where it was put
-  std::uint64_t put = 0;       // another number whenever a person has put it somewhere
-  bool hidden = false;         // not drawn, not there to touch
-  double mass_kg = 1.0;        // > 0
-  double friction = 0.5;       // 0..2, against the room
-  double restitution = 0.1;    // 0..1: speed after a bounce from the room over speed before
+  bool drop = false;         // falls, rests and may be pushed: physics moves it from where it was put
+  std::uint64_t put = 0;     // another number whenever a person has put it somewhere
+  bool hidden = false;       // not drawn, not there to touch
+  double mass_kg = 1.0;      // > 0
+  double friction = 0.5;     // 0..2, against the room
+  double restitution = 0.1;  // 0..1: speed after a bounce from the room over speed before
 };
 
 // An object that physics has moved.

@@ -61,11 +61,12 @@ Status ReadObject(YamlFields& f, std::size_t number, SceneDescription& scene) {
   object.line = f.line();
   object.name = "object " + std::to_string(number + 1);
   std::size_t body = 1;
-  if (auto ok =
-          All({f.Text("name", object.name), f.Text("file", object.file), f.Flag("drop", object.drop),
-               f.Flag("hidden", object.hidden), f.Choice("body", {"isolated", "mutual", "actor"}, body),
-               f.NumberIn("mass_kg", 0.001, 10'000, object.mass_kg), f.NumberIn("friction", 0, 2, object.friction),
-               f.NumberIn("restitution", 0, 1, object.restitution), ReadPlacing(f, object), f.CheckAllKnown()});
+  if (auto ok = All({f.Text("name", object.name), f.Text("file", object.file), f.Flag("drop", object.drop),
+                     f.Flag("hidden", object.hidden), f.Choice("body", {"isolated", "mutual", "actor"}, body),
+                     f.NumberIn("mass_kg", 0.001, 10'000, object.mass_kg),
+                     f.NumberIn("friction", 0, 2, object.friction),
+                     f.NumberIn("restitution", 0, 1, object.restitution), ReadPlacing(f, object),
+                     f.CheckAllKnown()});
       !ok) {
     return ok;
   }

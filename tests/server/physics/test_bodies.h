@@ -89,7 +89,8 @@ inline std::shared_ptr<const Mesh> BallMesh(double radius) {
 }
 
 inline std::shared_ptr<const Mesh> VaseMesh() {
-  return LatheMesh({{0.0, 0.0}, {0.05, 0.0}, {0.1, 0.12}, {0.06, 0.22}, {0.04, 0.26}, {0.06, 0.3}, {0.0, 0.3}});
+  return LatheMesh(
+      {{0.0, 0.0}, {0.05, 0.0}, {0.1, 0.12}, {0.06, 0.22}, {0.04, 0.26}, {0.06, 0.3}, {0.0, 0.3}});
 }
 
 // A level grid of triangles of about cell_m at height z, rough_m up and down.
