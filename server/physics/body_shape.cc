@@ -24,6 +24,10 @@ constexpr double kMarginM = 0.002;
 constexpr double kRoundTolerance = 0.01;  // of a ball's radius
 constexpr double kFlatM = 0.001;          // half of the thickness that a sheet of paper is given
 
+btVector3 ToBullet(const Eigen::Vector3d& v) {
+  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
+}
+
 Eigen::AlignedBox3d BoundsOf(const Points& points) {
   Eigen::AlignedBox3d box;
   for (const Eigen::Vector3d& p : points) box.extend(p);
@@ -168,6 +172,104 @@ Hull HullOf(const Points& points, double shrink) {
   return hull;
 }
 
+// A convex hull that knows for every direction which of its vertices can be the farthest: Bullet's own looks
+// at all of them, some hundred times a contact.
+class FastHull : public btConvexInternalShape {
+ public:
+  explicit FastHull(const Points& vertices, double margin) {
+    m_shapeType = CUSTOM_CONVEX_SHAPE_TYPE;
+    for (const Eigen::Vector3d& v : vertices) vertices_.push_back(ToBullet(v));
+    for (int face = 0; face < 6; ++face) {
+      for (int i = 0; i < kSide; ++i) {
+        for (int k = 0; k < kSide; ++k) AddCell(face, i, k);
+      }
+    }
+    starts_.push_back(candidates_.size());
+    setMargin(static_cast<float>(margin));
+    for (int axis = 0; axis < 3; ++axis) {
+      btVector3 direction(0, 0, 0);
+      direction[axis] = 1;
+      high_[axis] = localGetSupportingVertexWithoutMargin(direction)[axis];
+      low_[axis] = localGetSupportingVertexWithoutMargin(-direction)[axis];
+    }
+  }
+
+  [[nodiscard]] btVector3 localGetSupportingVertexWithoutMargin(const btVector3& direction) const override {
+    const std::size_t cell = CellOf(direction);
+    std::uint16_t best = candidates_[starts_[cell]];
+    float farthest = direction.dot(vertices_[best]);
+    for (std::size_t i = starts_[cell] + 1; i < starts_[cell + 1]; ++i) {
+      const float along = direction.dot(vertices_[candidates_[i]]);
+      if (along > farthest) farthest = along, best = candidates_[i];
+    }
+    return vertices_[best];
+  }
+  void batchedUnitVectorGetSupportingVertexWithoutMargin(const btVector3* directions, btVector3* supports,
+                                                         int count) const override {
+    for (int i = 0; i < count; ++i) supports[i] = localGetSupportingVertexWithoutMargin(directions[i]);
+  }
+  void getAabb(const btTransform& T, btVector3& low, btVector3& high) const override {
+    btTransformAabb(low_, high_, getMargin(), T, low, high);
+  }
+  // As of its box.
+  void calculateLocalInertia(btScalar mass, btVector3& inertia) const override {
+    const btVector3 s = high_ - low_;
+    inertia = mass / 12 *
+              btVector3(s.y() * s.y() + s.z() * s.z(), s.x() * s.x() + s.z() * s.z(),
+                        s.x() * s.x() + s.y() * s.y());
+  }
+  [[nodiscard]] const char* getName() const override { return "hull"; }
+
+ private:
+  static constexpr int kSide = 8;     // cells along the edge of a cube about the hull
+  static constexpr int kSamples = 6;  // directions along a cell's edge, beyond its borders by a little
+
+  // Of a cube's face a cell's place, -1..1.
+  static std::size_t CellOf(const btVector3& d) {
+    const int axis = d.absolute().maxAxis();
+    const float along = std::abs(d[axis]);
+    const int face = 2 * axis + (d[axis] < 0 ? 1 : 0);
+    const auto cell = [&](float across) {
+      const float place = along > 0 ? across / along : 0;
+      return std::clamp(static_cast<int>((place + 1) * (kSide / 2)), 0, kSide - 1);
+    };
+    return static_cast<std::size_t>((face * kSide + cell(d[(axis + 1) % 3])) * kSide +
+                                    cell(d[(axis + 2) % 3]));
+  }
+
+  void AddCell(int face, int i, int k) {
+    starts_.push_back(candidates_.size());
+    const int axis = face / 2;
+    const auto place = [](int cell, int sample) {
+      return (static_cast<float>(cell) - 0.1f + 1.2f * static_cast<float>(sample) / (kSamples - 1)) * 2 /
+                 kSide -
+             1;
+    };
+    const std::size_t first = candidates_.size();
+    for (int a = 0; a < kSamples; ++a) {
+      for (int b = 0; b < kSamples; ++b) {
+        btVector3 direction;
+        direction[axis] = face % 2 == 0 ? 1.0f : -1.0f;
+        direction[(axis + 1) % 3] = place(i, a);
+        direction[(axis + 2) % 3] = place(k, b);
+        std::uint16_t best = 0;
+        for (std::size_t v = 1; v < vertices_.size(); ++v) {
+          if (direction.dot(vertices_[v]) > direction.dot(vertices_[best]))
+            best = static_cast<std::uint16_t>(v);
+        }
+        if (std::find(candidates_.begin() + static_cast<std::ptrdiff_t>(first), candidates_.end(), best) ==
+            candidates_.end())
+          candidates_.push_back(best);
+      }
+    }
+  }
+
+  std::vector<btVector3> vertices_;
+  std::vector<std::size_t> starts_;  // of each cell in candidates_
+  std::vector<std::uint16_t> candidates_;
+  btVector3 low_{0, 0, 0}, high_{0, 0, 0};
+};
+
 struct Part {
   std::unique_ptr<btCollisionShape> shape;  // about `center`
   Eigen::Vector3d center = Eigen::Vector3d::Zero();
@@ -189,10 +291,6 @@ bool IsBox(const Points& vertices, const Eigen::AlignedBox3d& box) {
   return vertices.size() == 8 && std::ranges::all_of(vertices, [&](const Eigen::Vector3d& p) {
            return ((p - box.min()).cwiseAbs().cwiseMin((p - box.max()).cwiseAbs()).array() < slack).all();
          });
-}
-
-btVector3 ToBullet(const Eigen::Vector3d& v) {
-  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
 }
 
 Part BoxPart(const Eigen::AlignedBox3d& box) {
@@ -220,10 +318,8 @@ Part MakePart(const Points& all) {
   const Points outline = hull.vertices.size() > kMostHullVertices ? Farthest(hull.vertices) : hull.vertices;
   hull = HullOf(outline, std::min(kMarginM, 0.05 * least));
   if (hull.vertices.size() < 4) return BoxPart(box);
-  auto shape = std::make_unique<btConvexHullShape>();
-  for (const Eigen::Vector3d& v : hull.vertices) shape->addPoint(ToBullet(v - center), false);
-  shape->recalcLocalAabb();
-  shape->setMargin(static_cast<float>(std::max(hull.margin, 1e-5)));
+  for (Eigen::Vector3d& v : hull.vertices) v -= center;
+  auto shape = std::make_unique<FastHull>(hull.vertices, std::max(hull.margin, 1e-5));
   return {std::move(shape), center, volume, least / 2};
 }
 

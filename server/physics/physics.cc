@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/physics/physics.h"
 
+#include <BulletCollision/CollisionDispatch/btConvexConvexAlgorithm.h>
 #include <BulletCollision/CollisionDispatch/btInternalEdgeUtility.h>
+#include <BulletCollision/NarrowPhaseCollision/btGjkEpaPenetrationDepthSolver.h>
 #include <btBulletDynamicsCommon.h>
 
 #include <algorithm>
@@ -155,9 +157,13 @@ struct Physics::State {
         up(UpOf(scene_frame)),
         dispatcher(&configuration),
         world(&dispatcher, &broadphase, &solver, &configuration) {
-    // A flat foot stands on more than one point.
-    configuration.setConvexConvexMultipointIterations(4, 3);
+    // A flat foot stands on more than one point of the room. Between objects this costs more than it shows.
+    on_triangles.m_numPerturbationIterations = 4;
+    on_triangles.m_minimumPointsPerturbationThreshold = 3;
     configuration.setPlaneConvexMultipointIterations(4, 4);
+    for (const int shape : {BOX_SHAPE_PROXYTYPE, CUSTOM_CONVEX_SHAPE_TYPE}) {
+      dispatcher.registerCollisionCreateFunc(shape, TRIANGLE_SHAPE_PROXYTYPE, &on_triangles);
+    }
     world.setGravity(ToBullet(Eigen::Vector3d(-kGravity * up)));
     btContactSolverInfo& info = world.getSolverInfo();
     // What stands too deep is moved out, not thrown out.
@@ -474,6 +480,8 @@ struct Physics::State {
   const SceneFrame frame;
   const Eigen::Vector3d up;
   btDefaultCollisionConfiguration configuration;
+  btGjkEpaPenetrationDepthSolver penetration;
+  btConvexConvexAlgorithm::CreateFunc on_triangles{&penetration};
   btCollisionDispatcher dispatcher;
   btDbvtBroadphase broadphase;
   btSequentialImpulseConstraintSolver solver;
