@@ -44,7 +44,7 @@ reflectors:
   EXPECT_EQ(std::get<PointLight>(scene.lights[2].shape).position, Eigen::Vector3d(1, 1, 2));
   ASSERT_EQ(scene.reflectors.size(), 1u);
   EXPECT_DOUBLE_EQ(scene.reflectors[0].plane[3], -0.75);  // of unit normal
-  EXPECT_EQ(scene.warnings.size(), 2u);                   // drop and reflectors
+  EXPECT_EQ(scene.warnings.size(), 1u);                   // reflectors
 }
 
 TEST(SceneFile, PresetsOfACameraSceneComeFromAboveInItsOwnFrame) {
