@@ -90,6 +90,7 @@ Status ReadAll(YamlFields& f, const std::string& place, const fs::path& folder, 
   if (auto ok = f.Text("listen", c.listen); !ok) return ok;
   if (auto ok = ReadPath(f, "page", folder, c.page); !ok) return ok;
   if (auto ok = ReadPath(f, "tokens", folder, c.tokens); !ok) return ok;
+  if (auto ok = f.Text("osc", c.osc); !ok) return ok;
   if (auto ok = ReadPath(f, "audit", folder, c.audit); !ok) return ok;
   auto tls = [&](YamlFields& t) -> Status {
     if (auto ok = ReadPath(t, "certificate", folder, c.tls.certificate); !ok) return ok;
@@ -167,6 +168,7 @@ std::string ToYaml(const StudioConfig& c) {
     path("  certificate", c.tls.certificate);
     path("  key", c.tls.key);
   }
+  out << "osc: " << quoted(c.osc) << "\n";
   path("audit", c.audit);
   auto texts = [&](const char* key, const std::vector<std::string>& values) {
     if (!values.empty()) out << key << ":\n";

@@ -30,11 +30,12 @@ struct StudioConfig {
   std::filesystem::path page;  // the built page; empty = the installed one
   std::filesystem::path
       record;  // folder of a new take; by the command line alone: a file would name an old one
-  std::filesystem::path tokens;      // who may log in; empty = no login, loopback only
-  TlsFiles tls;                      // empty = plain
-  std::filesystem::path audit;       // empty = none is written
-  std::vector<std::string> origins;  // pages of elsewhere that may watch
-  std::vector<std::string> hosts;    // further names of this server
+  std::filesystem::path tokens;        // who may log in; empty = no login, loopback only
+  TlsFiles tls;                        // empty = plain
+  std::string osc = "127.0.0.1:9000";  // where contacts are told; "none" = nowhere
+  std::filesystem::path audit;         // empty = none is written
+  std::vector<std::string> origins;    // pages of elsewhere that may watch
+  std::vector<std::string> hosts;      // further names of this server
   VideoEncoderConfig color;
   VideoEncoderConfig depth{.format = VideoFormat::kDepth10, .bitrate_bps = 2'000'000};
 };

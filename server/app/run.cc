@@ -187,6 +187,12 @@ Status RunShow(const StudioConfig& config) {
   gateway.SetHello({.name = config.name, .server_us = 0, .streams = {}});
   auto recorder = StartRecording(config);
   if (!recorder) return tl::unexpected(recorder.error());
+  std::optional<OscSender> osc;
+  if (config.osc != "none") {
+    auto sender = OscSender::Create(config.osc);
+    if (!sender) return tl::unexpected(sender.error());
+    osc.emplace(std::move(*sender));
+  }
   std::optional<Director> director;
   if (studio->scene()) {
     director.emplace(
@@ -204,6 +210,7 @@ Status RunShow(const StudioConfig& config) {
                    .broadcast = std::move(*broadcast),
                    .meshes = std::move(*meshes),
                    .recorder = std::move(*recorder),
+                   .osc = std::move(osc),
                    .director = director ? &*director : nullptr},
                   gateway);
     if (config.parity) show.SetAgentParity(*config.parity);

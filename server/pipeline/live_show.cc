@@ -67,6 +67,7 @@ LiveShow::LiveShow(LiveShowParts parts, Gateway& gateway)
       meshes_(std::move(parts.meshes)),
       gateway_(gateway),
       recorder_(std::move(parts.recorder)),
+      osc_(std::move(parts.osc)),
       director_(parts.director),
       ingest_(studio_.rig(), captured_, recorder_.get()),
       times_(kStageWindow) {
@@ -135,6 +136,7 @@ void LiveShow::RunFrames() {
       if (auto scene = director_->TakeScene()) studio_.SetScene(std::move(scene));
     }
     studio_.Run(*frame, times_);
+    if (osc_) std::ranges::for_each(frame->events, [&](const PhysicsEvent& event) { osc_->Send(event); });
     if (director_ != nullptr) {
       director_->SeeRoom(studio_.room(), frame->T_world_color);
       if (auto moved = studio_.TakeMoved(); !moved.empty()) director_->SeeMoved(std::move(moved));

@@ -12,6 +12,7 @@
 #include "proto/base/bounded_queue.h"
 #include "proto/link/agent_commands.h"
 #include "proto/link/lcm_link.h"
+#include "server/delivery/osc_sender.h"
 #include "server/ingest/live_ingest.h"
 #include "server/pipeline/broadcast.h"
 #include "server/pipeline/director.h"
@@ -27,6 +28,7 @@ struct LiveShowParts {
   Broadcast broadcast;
   MeshBroadcast meshes;
   std::unique_ptr<TakeRecorder> recorder{};  // of what arrives; null = none
+  std::optional<OscSender> osc{};            // hears of contacts
   Director* director = nullptr;              // borrowed; null = nobody edits the scene
 };
 
@@ -74,6 +76,7 @@ class LiveShow {
   MeshBroadcast meshes_;
   Gateway& gateway_;
   const std::unique_ptr<TakeRecorder> recorder_;
+  const std::optional<OscSender> osc_;
   Director* const director_;
 
   // Two places: one hiccup of the machine costs latency, not a picture; a server that is too slow drops all

@@ -26,6 +26,7 @@ TEST(StudioConfig, WhatIsPrintedReadsBack) {
   config.tokens = "/etc/mixstage/tokens.json";
   config.tls = {"/etc/mixstage/certificate.pem", "/etc/mixstage/key.pem"};
   config.audit = "/var/log/mixstage.jsonl";
+  config.osc = "none";
   config.origins = {"https://studio.example", "http://localhost:5173"};
   config.hosts = {"studio.example"};
   const auto back = ParseStudioConfig(ToYaml(config), "/etc/studio.yaml");
