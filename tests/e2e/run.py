@@ -375,6 +375,33 @@ objects:
         assert abs(fall_s - (2 * 0.9 / 9.81) ** 0.5) < 0.1, fall_s
 
 
+def a_live_drop_is_seen_by_viewers_and_a_desk():
+    with tempfile.TemporaryDirectory() as folder, Studio(BUILD) as studio, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as desk:
+        folder = pathlib.Path(folder)
+        for name in ("scene.yaml", "sculpture.glb", "amphora.glb"):
+            shutil.copy(DEMO / name, folder)
+        desk.bind(("127.0.0.1", 0))
+        desk.settimeout(20)
+        (folder / "studio.yaml").write_text(f'version: 1\nosc: "127.0.0.1:{desk.getsockname()[1]}"\n')
+        studio.server("--config", folder / "studio.yaml", scene=folder / "scene.yaml")
+        studio.agent()
+        studio.wait_until_live()
+        anna = Viewer(studio.port)
+        x, y, _ = before = anna.scene["objects"][1]["base"]
+        anna.edit("move", object=2, position=[x, y, 0.8])
+        anna.edit("drop", object=2)
+        anna.wait("scene", lambda m: m["objects"][1]["base"][2] > 0.7)
+        anna.wait("scene", lambda m: abs(m["objects"][1]["base"][2]) < 0.02)
+        assert desk.recv(2000).startswith(b"/mixstage/touch\0,ssfffffff\0\0amphora\0")
+        anna.edit("save")
+        anna.wait("scene", lambda m: not m["unsaved"])
+        assert "drop: true" in (folder / "scene.yaml").read_text()
+        anna.edit("undo")
+        anna.edit("undo")
+        back = anna.wait("scene", lambda m: not m["can_undo"])
+        assert back["objects"][1]["base"] == before, back["objects"][1]
+
+
 def without_a_scene_an_edit_is_refused():
     with Studio(BUILD) as studio:
         studio.server(scene=None)
@@ -572,6 +599,7 @@ TESTS = [help_and_version_answer_everywhere, wrong_use_is_one_line_and_exit_2, l
          the_order_of_starting_does_not_matter, a_killed_agent_comes_back, a_killed_server_comes_back_and_the_viewer_reconnects,
          stalled_and_rude_viewers_disturb_nobody, a_foreign_page_is_refused,
          strangers_log_in_by_tls_and_go_when_revoked, two_directors_edit_one_scene, a_dropped_object_lands_on_the_floor,
+         a_live_drop_is_seen_by_viewers_and_a_desk,
          without_a_scene_an_edit_is_refused,
          hostile_datagrams_do_not_disturb_the_show, sigterm_ends_cleanly, no_server_never_blocks_the_agent,
          metrics_and_health_tell_the_truth, a_killed_server_leaves_a_take_that_plays,
