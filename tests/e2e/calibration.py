@@ -7,25 +7,19 @@ calibration.py BUILD_DIR [OUT_DIR]      OUT_DIR keeps rigs and reports
 import json
 import pathlib
 import shutil
-import subprocess
 import sys
-import tempfile
 import time
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-SHARED = ROOT.parent / "shared"
-STUDIO, TOOLS = SHARED / "data" / "studio_a", SHARED / "tools"
-BUILD = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "build").resolve()
-OUT = pathlib.Path(sys.argv[2]).resolve() if len(sys.argv) > 2 else pathlib.Path(tempfile.mkdtemp(prefix="mixstage-calibration-"))
-PYTHON = "/usr/bin/python3"  # Debian's: python3-numpy belongs to it
+from programs import DATA, PYTHON, ROOT, evaluate, folders, program, run_on_data
+
+STUDIO = DATA / "studio_a"
+BUILD, OUT = folders("calibration")
 
 
 def calibrate(name, *views, expected=0, rig=None):
     out = OUT / name
-    arguments = [a for v in views for a in ("--views", str(v))] + (["--rig", str(rig)] if rig else [])
-    run = subprocess.run([str(BUILD / "mixstage-server"), "--log-level", "error", "calibrate", *arguments, "--out", str(out)],
-                         capture_output=True, text=True, timeout=900)
-    assert run.returncode == expected, f"exit {run.returncode}, not {expected}: {run.stderr.strip().splitlines()[-1:]}"
+    arguments = [a for v in views for a in ("--views", v)] + (["--rig", rig] if rig else [])
+    run = program(BUILD / "mixstage-server", "--log-level", "error", "calibrate", *arguments, "--out", out, expect=expected)
     report = json.loads((out / "report.json").read_text()) if (out / "report.json").exists() else None
     return out, report, run.stderr
 
@@ -50,9 +44,7 @@ def the_studio_is_calibrated():
     start = time.monotonic()
     out, report, _ = calibrate("studio", STUDIO / "calib", STUDIO / "calib_wide", STUDIO / "handeye")
     seconds = time.monotonic() - start
-    run = subprocess.run([PYTHON, str(TOOLS / "evaluate_rig.py"), str(out / "rig.json"), str(STUDIO / "ground_truth" / "rig.json"),
-                          "--max-angle-deg", "80", "--json"], capture_output=True, text=True, timeout=300)
-    score = json.loads(run.stdout)
+    score = evaluate("evaluate_rig.py", out / "rig.json", STUDIO / "ground_truth" / "rig.json", "--max-angle-deg", 80)
     limits = [("color", "projection_mean_px", 0.1), ("depth", "projection_mean_px", 0.05), ("fisheye", "projection_mean_px", 0.15),
               ("T_color_depth", "transfer_mean_px", 0.15), ("T_color_depth", "distance_mm", 1.0), ("T_color_fisheye", "distance_mm", 2.0),
               # 0.12 is the goal; the set's fisheye pictures follow its model to 0.04 px only, six times as much in colour pixels.
@@ -60,8 +52,8 @@ def the_studio_is_calibrated():
     found = ", ".join(f"{a}.{b} {score[a][b]:.3f}" for a, b, _ in limits)
     for a, b, limit in limits:
         assert score[a][b] <= limit, f"{a}.{b} {score[a][b]:.3f} > {limit} ({found})"
-    head = subprocess.run([PYTHON, str(ROOT / "tests" / "support" / "evaluate_head.py"), str(out / "rig.json"), str(STUDIO / "scan"),
-                           str(STUDIO / "ground_truth" / "poses" / "scan_groundtruth.txt")], capture_output=True, text=True, timeout=60)
+    head = program(PYTHON, ROOT / "tests" / "support" / "evaluate_head.py", out / "rig.json", STUDIO / "scan",
+                   STUDIO / "ground_truth" / "poses" / "scan_groundtruth.txt")
     sweep = json.loads(head.stdout)
     # From a position to the next the goal is 0.03 deg and 1 mm; between any two the encoders' own noise is 0.019 deg.
     for pairs, deg, mm in (("consecutive", 0.03, 1.0), ("pairs", 0.04, 1.5)):
@@ -118,20 +110,9 @@ def unusable_input_is_named():
     return "exit 3 with the file's name"
 
 
-def main():
-    if not STUDIO.is_dir():
-        print(f"SKIP calibration: {STUDIO} is not there")
-        return 0
+TESTS = [the_studio_is_calibrated, pictures_that_are_no_good_are_named, an_encoder_a_degree_off_is_named,
+         too_few_views_are_refused, unusable_input_is_named]
+
+if __name__ == "__main__":
     OUT.mkdir(parents=True, exist_ok=True)
-    failed = 0
-    for test in (the_studio_is_calibrated, pictures_that_are_no_good_are_named, an_encoder_a_degree_off_is_named,
-                 too_few_views_are_refused, unusable_input_is_named):
-        try:
-            print(f"ok {test.__name__}: {test()}", flush=True)
-        except Exception as e:  # every other test still runs
-            failed += 1
-            print(f"FAIL {test.__name__}: {e}", flush=True)
-    return 1 if failed else 0
-
-
-sys.exit(main())
+    sys.exit(1 if run_on_data(TESTS) else 0)

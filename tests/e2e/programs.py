@@ -1,16 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Starts agents, servers and viewers as a studio would: real processes, real LCM, real sockets."""
+"""Starts agents, servers and viewers as a studio would: real processes, real LCM, real sockets. Runs the programs that end by
+themselves, and the evaluators of the shared test data on what they wrote."""
 import json
 import os
 import pathlib
 import signal
 import socket
 import subprocess
+import sys
+import tempfile
 import time
 import urllib.request
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 DEMO = ROOT / "deploy" / "demo"
+SHARED = ROOT.parent / "shared"  # not part of the repository
+DATA, TOOLS = SHARED / "data", SHARED / "tools"
+PYTHON = "/usr/bin/python3"  # Debian's: python3-opencv and python3-numpy belong to it
 
 
 def free_port():
@@ -109,6 +115,38 @@ def resident_mb(process):
 
 class Skip(Exception):
     """What a test needs is not here; says what."""
+
+
+def folders(name):
+    """BUILD_DIR and OUT_DIR of the command line; without an OUT_DIR a new folder."""
+    build = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "build").resolve()
+    return build, pathlib.Path(sys.argv[2] if len(sys.argv) > 2 else tempfile.mkdtemp(prefix=f"mixstage-{name}-")).resolve()
+
+
+def program(*command, expect=0):
+    """A program run to its end, which is one of the exit codes `expect`; what it wrote in `stdout` and `stderr`."""
+    run = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=900)
+    expected = expect if isinstance(expect, tuple) else (expect,)
+    assert run.returncode in expected, f"{pathlib.Path(command[0]).name} ended with {run.returncode}, not {expect}: {run.stderr.strip()[-500:]}"
+    return run
+
+
+def evaluate(tool, *arguments):
+    """The score that an evaluator of the shared test data gives."""
+    if not (TOOLS / tool).exists():
+        raise Skip(f"{TOOLS / tool} is not here")
+    run = subprocess.run([PYTHON, str(TOOLS / tool), *map(str, arguments), "--json"], capture_output=True, text=True, timeout=900)
+    assert run.returncode == 0, f"{tool}: {run.stdout} {run.stderr}"
+    return json.loads(run.stdout)
+
+
+def run_on_data(tests):
+    """run_all, where the shared test data is here."""
+    if DATA.is_dir():
+        return run_all(tests)
+    for test in tests:
+        print(f"SKIP {test.__name__}: the shared test data is not beside this checkout ({DATA})", flush=True)
+    return 0
 
 
 def run_all(tests):

@@ -5,32 +5,19 @@
 recordings.py BUILD_DIR [OUT_DIR]      OUT_DIR keeps the pictures
 """
 import json
-import pathlib
-import subprocess
 import sys
-import tempfile
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-SHARED = ROOT.parent / "shared"
-DATA, TOOLS = SHARED / "data", SHARED / "tools"
-BUILD = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "build").resolve()
-OUT = pathlib.Path(sys.argv[2]).resolve() if len(sys.argv) > 2 else pathlib.Path(tempfile.mkdtemp(prefix="mixstage-recordings-"))
-PYTHON = "/usr/bin/python3"  # Debian's: python3-opencv belongs to it
+from programs import DATA, evaluate, folders, program, run_on_data
+
+BUILD, OUT = folders("recordings")
+SERVER = BUILD / "mixstage-server"
 
 
 def process(take, name, *more):
     out = OUT / name
-    run = subprocess.run([str(BUILD / "mixstage-server"), "--log-level", "error", "process", "--take", str(take), "--out", str(out),
-                          *([] if "--export" in more else ["--export", "composite,depth,alpha,label,cg_alpha,report"]), "--json", *map(str, more)],
-                         capture_output=True, text=True, timeout=900)
-    assert run.returncode == 0, f"exit {run.returncode}: {run.stderr.strip()}"
+    run = program(SERVER, "--log-level", "error", "process", "--take", take, "--out", out,
+                  *([] if "--export" in more else ["--export", "composite,depth,alpha,label,cg_alpha,report"]), "--json", *more)
     return out, json.loads(run.stdout)
-
-
-def evaluate(tool, *arguments):
-    run = subprocess.run([PYTHON, str(TOOLS / tool), *map(str, arguments), "--json"], capture_output=True, text=True, timeout=900)
-    assert run.returncode == 0, f"{tool}: {run.stdout} {run.stderr}"
-    return json.loads(run.stdout)
 
 
 def still_scene(name):
@@ -79,11 +66,9 @@ def a_scanned_room_is_keyed_against_without_a_clean_plate():
     studio = DATA / "studio_a"
     truth = studio / "ground_truth"
     room = OUT / "room"
-    scan = subprocess.run([str(BUILD / "mixstage-server"), "--log-level", "error", "scan", "--views", str(studio / "scan"),
-                           "--rig", str(truth / "rig.json"), "--out", str(room), "--json"], capture_output=True, text=True, timeout=900)
-    assert scan.returncode == 0, f"exit {scan.returncode}: {scan.stderr.strip()}"
-    check = subprocess.run([str(BUILD / "mixstage-server"), "check", "--environment", str(room)], capture_output=True, text=True, timeout=60)
-    assert check.returncode == 0 and "good" in check.stdout, check
+    program(SERVER, "--log-level", "error", "scan", "--views", studio / "scan", "--rig", truth / "rig.json", "--out", room, "--json")
+    check = program(SERVER, "check", "--environment", room)
+    assert "good" in check.stdout, check
     # A copy without the clean plate: nothing else may be read.
     take = OUT / "take_without_plate"
     take.mkdir(exist_ok=True)
@@ -124,10 +109,4 @@ TESTS = [every_recording_plays, people_are_keyed_and_the_room_is_not, hands_over
          two_runs_give_the_same_bytes]
 
 if __name__ == "__main__":
-    if not DATA.is_dir():
-        for test in TESTS:
-            print(f"SKIP {test.__name__}: the shared test data is not beside this checkout ({DATA})")
-        sys.exit(0)
-    sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-    from programs import run_all
-    sys.exit(1 if run_all(TESTS) else 0)
+    sys.exit(1 if run_on_data(TESTS) else 0)

@@ -2,37 +2,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scans of recorded and rendered sweeps, beside their truth, and sweeps that no good scan can be made of.
 
-scan.py [BUILD] [OUT]
+scan.py BUILD_DIR [OUT_DIR]
 """
 import json
-import pathlib
+import math
 import shutil
-import subprocess
 import sys
-import tempfile
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-SHARED = ROOT.parent / "shared"
-DATA, TOOLS = SHARED / "data", SHARED / "tools"
-BUILD = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "build").resolve()
-OUT = pathlib.Path(sys.argv[2]).resolve() if len(sys.argv) > 2 else pathlib.Path(tempfile.mkdtemp(prefix="mixstage-scan-"))
-PYTHON = "/usr/bin/python3"  # Debian's: python3-opencv belongs to it
+from programs import DATA, evaluate, folders, program, run_on_data
+
+BUILD, OUT = folders("scan")
+SERVER = BUILD / "mixstage-server"
 STUDIO = DATA / "studio_a"
 TRUE_RIG = STUDIO / "ground_truth" / "rig.json"
 
 
-def scan(views, rig, name):
-    out = OUT / name
-    command = [str(BUILD / "mixstage-server"), "--log-level", "error", "scan", "--views", str(views), "--out", str(out), "--json"]
-    if rig:
-        command += ["--rig", str(rig)]
-    return out, subprocess.run(command, capture_output=True, text=True, timeout=900)
+def scan(views, rig, name, expect):
+    return program(SERVER, "--log-level", "error", "scan", "--views", views, "--out", OUT / name, "--json", *(["--rig", rig] if rig else []),
+                   expect=expect)
 
 
 def scanned(views, rig, name):
-    out, run = scan(views, rig, name)
-    assert run.returncode == 0, f"exit {run.returncode}: {run.stderr.strip()}"
-    return out, json.loads(run.stdout)
+    return OUT / name, json.loads(scan(views, rig, name, 0).stdout)
 
 
 def read_poses(file):
@@ -56,7 +47,6 @@ def relative(a, b):
 
 
 def turn_deg(R):
-    import math
     s = math.sqrt((R[2][1] - R[1][2]) ** 2 + (R[0][2] - R[2][0]) ** 2 + (R[1][0] - R[0][1]) ** 2)
     return math.degrees(math.atan2(s, R[0][0] + R[1][1] + R[2][2] - 1))
 
@@ -89,10 +79,8 @@ def a_photoreal_studio_is_scanned_to_millimetres():
     assert len(floor) == 1 and abs(floor[0]["d"]) < 0.003 and floor[0]["n"][2] > 0.9999, floor
     for wall in ((-1, 0, 0, 7.0), (0, -1, 0, 6.0), (0, 1, 0, 0.0), (0, 0, -1, 3.0)):
         assert any(sum(a * b for a, b in zip(p["n"], wall)) > 0.9999 and abs(p["d"] - wall[3]) < 0.008 for p in environment["planes"]), wall
-    run = subprocess.run([str(BUILD / "mixstage-server"), "--log-level", "error", "process", "--take", str(STUDIO / "take_static"),
-                          "--environment", str(out), "--out", str(OUT / "empty"), "--frames", "0:1", "--export", "predicted,report", "--json"],
-                         capture_output=True, text=True, timeout=600)
-    assert run.returncode == 0, f"exit {run.returncode}: {run.stderr.strip()}"
+    program(SERVER, "--log-level", "error", "process", "--take", STUDIO / "take_static", "--environment", out, "--out", OUT / "empty",
+            "--frames", "0:1", "--export", "predicted,report", "--json")
     for folder in ("predicted_depth", "predicted_color"):
         file = next((OUT / "empty" / folder).glob("*.png"))
         file.rename(file.with_stem("empty" if folder == "predicted_depth" else "empty_room"))
@@ -102,12 +90,6 @@ def a_photoreal_studio_is_scanned_to_millimetres():
     assert picture["psnr"] >= 30, picture
     return (f'poses {turn:.4f} deg {shift:.2f} mm, depth median {depth["median_abs_mm"]:.1f} p95 {depth["p95_abs_mm"]:.1f} rms {depth["rms_mm"]:.1f} mm, '
             f'colour {picture["psnr"]:.1f} dB, {report["triangles"]} triangles, {report["total_ms"] / 1000:.1f} s')
-
-
-def evaluate(tool, *arguments):
-    run = subprocess.run([PYTHON, str(TOOLS / tool), *map(str, arguments), "--json"], capture_output=True, text=True, timeout=900)
-    assert run.returncode == 0, f"{tool}: {run.stdout} {run.stderr}"
-    return json.loads(run.stdout)
 
 
 def copy_of_the_sweep(name):
@@ -144,8 +126,7 @@ def damaged_pictures_are_left_out_by_name():
 def a_sweep_without_what_a_scan_needs_is_refused_in_one_line():
     said = []
     for views, rig, word in ((STUDIO / "scan", STUDIO / "rig.json", "ptu"), (DATA / "real" / "calib_stereo", None, ""), (STUDIO / "calib_wide", TRUE_RIG, "")):
-        run = scan(views, rig, "refused")[1]
-        assert run.returncode in (3, 4), (views, run.returncode, run.stderr)
+        run = scan(views, rig, "refused", (3, 4))
         lines = [line for line in run.stderr.splitlines() if line.startswith("mixstage-server:")]
         assert len(lines) == 1 and word in lines[0], run.stderr
         said.append(lines[0][len("mixstage-server: "):][:90])
@@ -163,10 +144,4 @@ TESTS = [a_photoreal_studio_is_scanned_to_millimetres, a_view_whose_encoder_is_a
          a_hand_held_sequence_with_poses_is_scanned]
 
 if __name__ == "__main__":
-    if not DATA.is_dir():
-        for test in TESTS:
-            print(f"SKIP {test.__name__}: the shared test data is not beside this checkout ({DATA})")
-        sys.exit(0)
-    sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-    from programs import run_all
-    sys.exit(1 if run_all(TESTS) else 0)
+    sys.exit(1 if run_on_data(TESTS) else 0)

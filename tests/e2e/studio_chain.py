@@ -7,33 +7,13 @@ studio_chain.py BUILD_DIR [OUT_DIR]      OUT_DIR keeps everything; a step that i
 """
 import json
 import math
-import pathlib
-import subprocess
 import sys
-import tempfile
 
-from programs import DEMO, ROOT, Skip, Studio, run_all
+from programs import DEMO, Skip, Studio, evaluate, folders, program, run_all
 
-TOOLS = ROOT.parent / "shared" / "tools"
-BUILD = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "build").resolve()
-OUT = pathlib.Path(sys.argv[2]).resolve() if len(sys.argv) > 2 else pathlib.Path(tempfile.mkdtemp(prefix="mixstage-chain-"))
+BUILD, OUT = folders("chain")
 TRUTH = DEMO / "rig.json"  # the rig that the synthetic set is seen by, never given to what is tested here
-PYTHON = "/usr/bin/python3"  # Debian's: python3-opencv belongs to it
 SERVER = BUILD / "mixstage-server"
-
-
-def program(*command, expect=0):
-    run = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=900)
-    assert run.returncode == expect, f"{pathlib.Path(command[0]).name} ended with {run.returncode}: {run.stderr.strip()[-500:]}"
-    return run.stdout
-
-
-def evaluate(tool, *arguments):
-    if not (TOOLS / tool).exists():
-        raise Skip(f"{TOOLS / tool} is not here")
-    run = subprocess.run([PYTHON, str(TOOLS / tool), *map(str, arguments), "--json"], capture_output=True, text=True, timeout=900)
-    assert run.stdout.startswith("{"), f"{tool}: {run.stdout} {run.stderr}"
-    return json.loads(run.stdout)
 
 
 def views(kind):
@@ -136,7 +116,7 @@ def the_head_scans_its_room():
 def the_room_is_where_it_is():
     """What the room predicts for the camera at rest, against the exact depth of the empty set (the window's glass too, which
     gives a time-of-flight camera little light)."""
-    if "--environment" not in program(SERVER, "process", "--help"):
+    if "--environment" not in program(SERVER, "process", "--help").stdout:
         raise Skip("process knows no --environment")
     take = OUT / "take"
     if not take.exists():
