@@ -19,9 +19,9 @@ constexpr std::int64_t kDepthPhaseUs = 7'300, kDepthPeriodUs = 80'000;
 constexpr int kScanDepths = 3;
 constexpr double kEncoderNoise_deg = 0.01;
 
-std::string BoardsJson(const std::vector<Checkerboard>& boards) {
+std::string BoardsJson(const std::vector<Board>& boards) {
   std::string json = "[";
-  for (const Checkerboard& b : boards) {
+  for (const Board& b : boards) {
     char text[256];
     std::snprintf(text, sizeof text,
                   "%s\n {\"name\": \"%s\", \"pattern\": \"checkerboard\", \"inner_corners\": [%d, %d], "

@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "proto/synthetic/checkerboard.h"
 #include "proto/synthetic/room_plate.h"
+#include "proto/synthetic/standing_board.h"
 
 namespace mixstage {
 

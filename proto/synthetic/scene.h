@@ -13,9 +13,9 @@
 #include "proto/base/result.h"
 #include "proto/codec/yuv_image.h"
 #include "proto/geometry/rig.h"
-#include "proto/synthetic/checkerboard.h"
 #include "proto/synthetic/color_view.h"
 #include "proto/synthetic/room.h"
+#include "proto/synthetic/standing_board.h"
 #include "proto/synthetic/walk.h"
 
 namespace mixstage {

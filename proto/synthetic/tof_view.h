@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "proto/geometry/rig.h"
-#include "proto/synthetic/checkerboard.h"
 #include "proto/synthetic/color_view.h"
+#include "proto/synthetic/standing_board.h"
 
 namespace mixstage {
 

@@ -18,16 +18,15 @@ using Eigen::Vector3d;
 constexpr double kRadPerDeg = std::numbers::pi / 180;
 
 // Prints of size A1.
-const Checkerboard kBoardA{"board_a", 8, 5, 0.08, 0.055};
-const Checkerboard kBoardB{"board_b", 7, 6, 0.08, 0.055};
+const Board kBoardA{"board_a", 8, 5, 0.08, 0.055};
+const Board kBoardB{"board_b", 7, 6, 0.08, 0.055};
 
 struct Turn {
   double pitch_deg, yaw_deg, roll_deg;  // about the board's own x, y, z: 0 = it faces who looks at it
 };
 
 // A board whose middle lies at `center`, turned against one that faces `viewer` upright.
-RigidTransform Facing(const Checkerboard& board, const Vector3d& center, const Vector3d& viewer,
-                      const Turn& turn) {
+RigidTransform Facing(const Board& board, const Vector3d& center, const Vector3d& viewer, const Turn& turn) {
   const Vector3d z = (center - viewer).normalized();
   const Vector3d up = std::abs(z.z()) < 0.95 ? Vector3d::UnitZ() : Vector3d::UnitX();
   const Vector3d x = z.cross(up).normalized();
@@ -102,7 +101,7 @@ std::vector<SyntheticView> CalibrationViews(const Rig& rig) {
 std::vector<SyntheticView> HandEyeViews(const Rig& rig) {
   // On tripods left and right before the head: one of them is seen over most of its way.
   const Vector3d viewer = SyntheticTWorldColor(rig).translation();
-  auto standing = [&](const Checkerboard& board, double azimuth_deg, double distance_m, double height_m,
+  auto standing = [&](const Board& board, double azimuth_deg, double distance_m, double height_m,
                       const Turn& turn) {
     const double a = azimuth_deg * kRadPerDeg;
     const Vector3d center(viewer.x() + distance_m * std::cos(a), viewer.y() + distance_m * std::sin(a),
@@ -122,7 +121,7 @@ std::vector<SyntheticView> HandEyeViews(const Rig& rig) {
 
 }  // namespace
 
-std::vector<Checkerboard> BoardsOf(SyntheticViews views) {
+std::vector<Board> BoardsOf(SyntheticViews views) {
   switch (views) {
     case SyntheticViews::kCalibration:
       return {kBoardA};

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "proto/geometry/rig.h"
-#include "proto/synthetic/checkerboard.h"
+#include "proto/synthetic/standing_board.h"
 
 namespace mixstage {
 
@@ -29,7 +29,7 @@ struct SyntheticView {
 };
 
 // Kinds of boards in these views: what board.json lists. Empty for a scan.
-std::vector<Checkerboard> BoardsOf(SyntheticViews views);
+std::vector<Board> BoardsOf(SyntheticViews views);
 
 // Boards are placed before the rig's cameras; the room's furniture is the demonstration's.
 std::vector<SyntheticView> ViewsOf(SyntheticViews views, const Rig& rig);

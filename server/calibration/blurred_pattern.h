@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-#include "server/calibration/board.h"
+#include "proto/geometry/board.h"
 
 namespace mixstage {
 

@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "proto/base/result.h"
+#include "proto/geometry/board.h"
 #include "proto/geometry/camera_model.h"
-#include "server/calibration/board.h"
 
 namespace mixstage {
 

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "proto/geometry/board.h"
 #include "proto/geometry/frames.h"
-#include "server/calibration/board.h"
 #include "server/calibration/board_detection.h"
 #include "server/calibration/lens.h"
 

@@ -7,7 +7,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "server/calibration/board.h"
+#include "proto/geometry/board.h"
 
 namespace mixstage {
 

@@ -9,8 +9,8 @@
 #include <optional>
 #include <vector>
 
+#include "proto/geometry/board.h"
 #include "proto/geometry/frames.h"
-#include "server/calibration/board.h"
 
 namespace mixstage {
 

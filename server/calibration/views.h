@@ -10,9 +10,9 @@
 #include <vector>
 
 #include "proto/base/result.h"
+#include "proto/geometry/board.h"
 #include "proto/geometry/rig.h"
 #include "proto/take/take.h"
-#include "server/calibration/board.h"
 
 namespace mixstage {
 

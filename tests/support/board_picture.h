@@ -10,9 +10,9 @@
 #include <optional>
 #include <vector>
 
+#include "proto/geometry/board.h"
 #include "proto/geometry/camera_model.h"
 #include "proto/geometry/frames.h"
-#include "server/calibration/board.h"
 
 namespace mixstage {
 

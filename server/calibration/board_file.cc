@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/calibration/board.h"
+#include "server/calibration/board_file.h"
 
 #include <algorithm>
 #include <cmath>

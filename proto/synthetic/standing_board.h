@@ -1,35 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Checkerboards that stand in the synthetic room, for calibration views. A board hides what is behind it; it
-// throws no shadow and no light back. Frame of a board: origin at its first inner corner, x along its
-// columns, y along its rows, z into the board (away from who looks at its front); metres.
+// throws no shadow and no light back.
 #pragma once
 
 #include <Eigen/Core>
 #include <optional>
-#include <string>
 #include <vector>
 
+#include "proto/geometry/board.h"
 #include "proto/geometry/frames.h"
 #include "proto/synthetic/room.h"
 
 namespace mixstage {
 
-struct Checkerboard {
-  std::string name;
-  int columns = 0, rows = 0;  // inner corners along x and y
-  double square_m = 0;
-  double white_margin_m = 0;  // white around the outer squares
-
-  // Linear albedo of the front at (x, y); the square beyond the first corner is black.
-  [[nodiscard]] float AlbedoAt(double x, double y) const;
-  // The paper's edges: x and y of the board's frame.
-  [[nodiscard]] Eigen::Vector2d Low() const;
-  [[nodiscard]] Eigen::Vector2d High() const;
-};
-
 struct StandingBoard {
-  Checkerboard board;
+  Board board;
   RigidTransform T_world_board = RigidTransform::Identity();
 
   struct Met {

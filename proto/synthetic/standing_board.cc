@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "proto/synthetic/checkerboard.h"
+#include "proto/synthetic/standing_board.h"
 
 #include <cmath>
 
@@ -11,20 +11,15 @@ using Eigen::Vector3d;
 
 constexpr float kWhite = 0.82f, kBlack = 0.035f, kBack = 0.45f;  // printed paper on a grey plate
 
-}  // namespace
-
-float Checkerboard::AlbedoAt(double x, double y) const {
-  const double i = std::floor(x / square_m) + 1;  // of the squares, 0 .. columns
-  const double j = std::floor(y / square_m) + 1;
-  if (i < 0 || j < 0 || i > columns || j > rows) return kWhite;
+// Linear albedo of a board's front.
+float FrontAlbedo(const Board& board, double x, double y) {
+  const double i = std::floor(x / board.square_m) + 1;  // of the squares, 0 .. columns
+  const double j = std::floor(y / board.square_m) + 1;
+  if (i < 0 || j < 0 || i > board.columns || j > board.rows) return kWhite;
   return (static_cast<int>(i) + static_cast<int>(j)) % 2 == 0 ? kBlack : kWhite;
 }
 
-Vector2d Checkerboard::Low() const { return Vector2d::Constant(-square_m - white_margin_m); }
-
-Vector2d Checkerboard::High() const {
-  return Vector2d(columns * square_m, rows * square_m) + Vector2d::Constant(white_margin_m);
-}
+}  // namespace
 
 std::optional<StandingBoard::Met> StandingBoard::Meet(const Ray& ray) const {
   const Vector3d z = T_world_board.linear().col(2);
@@ -40,7 +35,7 @@ std::optional<StandingBoard::Met> StandingBoard::Meet(const Ray& ray) const {
 }
 
 float StandingBoard::AlbedoAt(const Met& met) const {
-  return met.front ? board.AlbedoAt(met.at.x(), met.at.y()) : kBack;
+  return met.front ? FrontAlbedo(board, met.at.x(), met.at.y()) : kBack;
 }
 
 Vector3d StandingBoard::Center() const {

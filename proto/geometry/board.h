@@ -1,16 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Checkerboards as board.json states them. Frame of a board: origin at its first
-// inner corner, x along its columns, y along its rows (down when it hangs upright), z into the board; metres.
+// A checkerboard. Its frame: origin at its first inner corner, x along its columns, y along its rows (down when
+// it hangs upright), z into the board (away from who looks at its front); metres.
 // Corners are counted row by row: corner i lies at (i % columns, i / columns) squares.
 #pragma once
 
 #include <Eigen/Core>
-#include <filesystem>
 #include <string>
-#include <vector>
-
-#include "proto/base/result.h"
 
 namespace mixstage {
 
@@ -24,15 +20,14 @@ struct Board {
   [[nodiscard]] Eigen::Vector3d Corner(int i) const {
     return {square_m * (i % columns), square_m * (i / columns), 0};
   }
+  // The paper's edges: least and largest x and y.
+  [[nodiscard]] Eigen::Vector2d Low() const { return Eigen::Vector2d::Constant(-square_m - white_margin_m); }
+  [[nodiscard]] Eigen::Vector2d High() const {
+    return Eigen::Vector2d(columns * square_m, rows * square_m) + Eigen::Vector2d::Constant(white_margin_m);
+  }
   // A half turn shows the same picture: squares of equal colour lie at opposite ends (both counts odd or both
   // even). Other boards have their first corner at the end whose outermost squares are black.
   [[nodiscard]] bool LooksTheSameUpsideDown() const { return (columns + rows) % 2 == 0; }
 };
-
-// One board or a list of them. Fails (kBadInput, the field named) on another pattern than "checkerboard",
-// counts outside 3..100, sizes that are not finite and positive, and two boards with the same counts (they
-// could not be told apart).
-Result<std::vector<Board>> ParseBoards(const std::string& json_text);
-Result<std::vector<Board>> LoadBoards(const std::filesystem::path& file);
 
 }  // namespace mixstage
