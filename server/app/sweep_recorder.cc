@@ -11,9 +11,10 @@
 namespace mixstage {
 namespace {
 
-constexpr std::int64_t kRestUs = 200'000;  // so long the head has to stay
-constexpr double kRest_deg = 0.05;         // within so much: several times an encoder's noise
-constexpr double kReached_deg = 0.3;       // of the goal: a head stops at its next step
+constexpr std::int64_t kRestUs = 200'000;        // so long the head has to stay
+constexpr double kRest_deg = 0.05;               // within so much: several times an encoder's noise
+constexpr double kReached_deg = 0.3;             // of the goal: a head stops at its next step
+constexpr std::int64_t kNoAgentUs = 30'000'000;  // an agent that was started together with the scan
 constexpr std::int64_t kSilenceUs = 10'000'000;
 constexpr std::int64_t kAgentGoneUs = 2'000'000;
 constexpr std::int64_t kSendAgainUs = 3'000'000;  // a command may be lost three times
@@ -238,7 +239,7 @@ Result<std::optional<AgentCommand>> SweepRecorder::NextPosition(std::int64_t now
 Result<std::optional<AgentCommand>> SweepRecorder::Poll(std::int64_t now_us) {
   if (done_) return std::nullopt;
   if (begun_us_ == 0) begun_us_ = heard_us_ = now_us;
-  if (now_us - heard_us_ > kSilenceUs) {
+  if (now_us - heard_us_ > (epoch_ == 0 ? kNoAgentUs : kSilenceUs)) {
     return Fail(ErrorCode::kUnavailable,
                 epoch_ == 0
                     ? "no agent tells the angles of its head: is one running on this LCM URL, with a head "
