@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// A checkerboard. Its frame: origin at its first inner corner, x along its columns, y along its rows (down when
-// it hangs upright), z into the board (away from who looks at its front); metres.
-// Corners are counted row by row: corner i lies at (i % columns, i / columns) squares.
+// A checkerboard. Its frame: origin at its first inner corner, x along its columns, y along its rows (down
+// when it hangs upright), z into the board (away from who looks at its front); metres. Corners are counted
+// row by row: corner i lies at (i % columns, i / columns) squares.
 #pragma once
 
 #include <Eigen/Core>
