@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "server/calibration/board_file.h"
+
 namespace mixstage {
 namespace {
 
