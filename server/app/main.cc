@@ -147,7 +147,7 @@ int Calibrate(const CalibrateFlags& f) {
 }
 
 struct ScanFlags {
-  std::string views, rig, out, lcm = kDefaultLcmUrl, pan, tilt;
+  std::string views, rig, out, merge, patch, lcm = kDefaultLcmUrl, pan, tilt;
   bool live = false, json = false;
 };
 
@@ -159,6 +159,8 @@ Result<ScanOutcome> ScanAsTheHeadMoves(const ScanFlags& f) {
   options.lcm_url = f.lcm;
   options.silent = f.json;
   options.out = f.out;
+  options.merge = f.merge;
+  options.patch = f.patch;
   if (!f.pan.empty()) {
     if (auto ok = ParseSpan(f.pan, options.area.pan_from_deg, options.area.pan_to_deg); !ok)
       return Within("--pan", ok.error());
@@ -175,7 +177,12 @@ int Scan(const ScanFlags& f) {
     return Report({ErrorCode::kInvalidConfig, "scan needs --views DIR, or --live"});
   }
   auto scan = f.live ? ScanAsTheHeadMoves(f)
-                     : RunScan({.views = f.views, .rig = f.rig, .out = f.out, .silent = f.json});
+                     : RunScan({.views = f.views,
+                                .rig = f.rig,
+                                .out = f.out,
+                                .merge = f.merge,
+                                .patch = f.patch,
+                                .silent = f.json});
   if (!scan) return Report(scan.error());
   if (f.json) std::fputs(scan->report.c_str(), stdout);
   return 0;
@@ -331,10 +338,17 @@ int main(int argc, char** argv) {
       "--rig", scan.rig,
       "rig.json of mixstage-server calibrate (default: the folder's, or the one a folder up)");
   scan_command->add_option("--out", scan.out, "environment folder to write")->required();
+  CLI::Option* merge = scan_command->add_option(
+      "--merge", scan.merge,
+      "earlier scan of the room from another position: what it could not see is added");
+  scan_command
+      ->add_option("--patch", scan.patch, "earlier scan of the room: what has changed since is replaced")
+      ->excludes(merge);
   scan_command->add_flag("--json", scan.json, "print report.json, no progress");
   scan_command->footer(
       "Examples: mixstage-server scan --views sweep --rig rig.json --out room\n"
-      "          mixstage-server scan --live --rig rig.json --out room");
+      "          mixstage-server scan --live --rig rig.json --out room\n"
+      "          mixstage-server scan --views sofa_moved --rig rig.json --patch room --out room_new");
 
   CheckFlags check;
   CLI::App* check_command =

@@ -8,11 +8,13 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 
 #include "proto/base/text.h"
 #include "proto/take/take.h"
 #include "server/app/room_file.h"
 #include "server/environment/environment_folder.h"
+#include "server/environment/join_rooms.h"
 #include "server/environment/scan.h"
 
 namespace mixstage {
@@ -21,14 +23,16 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
+constexpr double kLeastMet = 0.5;  // of what a scan sees of an earlier one: rooms change, but not that much
+
 Json Notes(const std::vector<ViewNote>& notes) {
   Json list = Json::array();
   for (const ViewNote& n : notes) list.push_back({{"view", n.view}, {"reason", n.reason}});
   return list;
 }
 
-Json ReportOf(const ScanResult& scan) {
-  const Environment& e = scan.environment;
+Json ReportOf(const ScanResult& scan, const std::optional<JoinReport>& joined) {
+  const Environment& e = scan.scanned.environment;
   Json steps = Json::object();
   double total_ms = 0;
   for (const ScanStep& s : scan.report.steps) {
@@ -43,13 +47,25 @@ Json ReportOf(const ScanResult& scan) {
                      {"rms_px", v.rms_px},
                      {"moved_deg", v.moved_deg}});
   }
+  Json join = nullptr;
+  if (joined) {
+    join = {{"turn_deg", joined->turn_deg},
+            {"shift_m", joined->shift_m},
+            {"met", joined->met},
+            {"apart_m", joined->apart_m},
+            {"gain", joined->gain},
+            {"triangles_dropped", joined->dropped},
+            {"triangles_added", joined->added}};
+  }
   return {{"version", 1},
           {"views", std::move(views)},
           {"left_out", Notes(scan.report.left_out)},
           {"notes", Notes(scan.report.notes)},
+          {"joined", std::move(join)},
+          {"failed_gates", scan.report.failed_gates},
           {"coverage", e.coverage},
           {"measured", scan.report.measured},
-          {"triangles", scan.room.triangle_count()},
+          {"triangles", scan.scanned.room.triangle_count()},
           {"planes", e.planes.size()},
           {"lamps", e.lamps.size()},
           {"panorama_px", {e.panorama.width, e.panorama.height}},
@@ -99,13 +115,13 @@ std::string Number(double value, int digits) {
 }
 
 std::string HtmlOf(const ScanResult& scan) {
-  const Environment& e = scan.environment;
+  const Environment& e = scan.scanned.environment;
   const ScanReport& r = scan.report;
   cv::Mat range, colored, color;
-  scan.pictures.range_mm.convertTo(range, CV_8U, 255.0 / 8000);
+  scan.scanned.pictures.range_mm.convertTo(range, CV_8U, 255.0 / 8000);
   cv::applyColorMap(range, colored, cv::COLORMAP_TURBO);
-  colored.setTo(cv::Scalar(0, 0, 0), scan.pictures.range_mm == 0);
-  cv::cvtColor(scan.pictures.color_bgra, color, cv::COLOR_BGRA2BGR);
+  colored.setTo(cv::Scalar(0, 0, 0), scan.scanned.pictures.range_mm == 0);
+  cv::cvtColor(scan.scanned.pictures.color_bgra, color, cv::COLOR_BGRA2BGR);
   std::string html =
       "<!doctype html><meta charset=\"utf-8\"><title>MixStage: scan</title>\n<style>body{font:15px "
       "sans-serif;max-width:"
@@ -117,12 +133,14 @@ std::string HtmlOf(const ScanResult& scan) {
           Row({"Typical error of a surface", Number(1000 * e.depth_sigma_m, 2) + " mm"}) +
           Row({"Points of two views apart", Number(e.registration_px, 2) + " px"}) +
           Row({"Brightness of two views apart", Number(r.photometric_rms_levels, 2) + " levels"}) +
-          Row({"Triangles", std::to_string(scan.room.triangle_count())}) + "</table>\n";
+          Row({"Triangles", std::to_string(scan.scanned.room.triangle_count())}) + "</table>\n";
   html += "<h2>Left out, and used with a doubt</h2>\n<table>";
   for (const ViewNote& n : r.left_out) html += Row({n.view, "left out", n.reason});
   for (const ViewNote& n : r.notes) html += Row({n.view, "used", n.reason});
+  for (const std::string& gate : r.failed_gates) html += Row({"", "not good enough", gate});
   for (const std::string& w : r.warnings) html += Row({"", "warning", w});
-  if (r.left_out.empty() && r.notes.empty() && r.warnings.empty()) html += Row({"nothing"});
+  if (r.left_out.empty() && r.notes.empty() && r.warnings.empty() && r.failed_gates.empty())
+    html += Row({"nothing"});
   html += "</table>\n<h2>Colour</h2>\n" + Inline(color) + "\n<h2>Range, black: not known; red: 8 m</h2>\n" +
           Inline(colored);
   html +=
@@ -146,6 +164,16 @@ std::string HtmlOf(const ScanResult& scan) {
   return html + "</table>\n";
 }
 
+Result<RoomScan> ReadRoomScan(const fs::path& folder) {
+  auto environment = ReadEnvironment(folder);
+  if (!environment) return tl::unexpected(environment.error());
+  auto pictures = ReadPanorama(folder, environment->environment.panorama);
+  if (!pictures) return tl::unexpected(pictures.error());
+  auto room = ReadRoom(folder);
+  if (!room) return tl::unexpected(room.error());
+  return RoomScan{std::move(environment->environment), std::move(*pictures), std::move(*room)};
+}
+
 Status SaveText(const fs::path& file, const std::string& text) {
   std::ofstream out(file);
   if (!(out << text) || !out.flush())
@@ -156,6 +184,12 @@ Status SaveText(const fs::path& file, const std::string& text) {
 }  // namespace
 
 Result<ScanOutcome> RunScan(const ScanOptions& options) {
+  std::optional<RoomScan> earlier;
+  if (const fs::path& folder = options.merge.empty() ? options.patch : options.merge; !folder.empty()) {
+    auto read = ReadRoomScan(folder);
+    if (!read) return tl::unexpected(read.error());
+    earlier = std::move(*read);
+  }
   auto take = OpenTake(options.views);
   if (!take) return tl::unexpected(take.error());
   RigChoice choice;
@@ -169,20 +203,42 @@ Result<ScanOutcome> RunScan(const ScanOptions& options) {
     if (!read) return tl::unexpected(read.error());
     listed = *read;
   }
-  auto scan = ScanRoom(*take, rig->rig, listed, [&](const std::string& step) {
+  const auto began = [&](const std::string& step) {
     if (!options.silent) std::fprintf(stderr, "scan: %s\n", step.c_str());
     if (options.on_step) options.on_step(step);
-  });
+  };
+  auto scan = ScanRoom(*take, rig->rig, listed, began);
   if (!scan) return tl::unexpected(scan.error());
   scan->report.warnings.insert(scan->report.warnings.end(), rig->warnings.begin(), rig->warnings.end());
-  if (auto ok = WriteEnvironment(options.out, scan->environment); !ok) return tl::unexpected(ok.error());
-  if (auto ok = WritePanorama(options.out, scan->environment.panorama, scan->pictures); !ok)
+  std::optional<JoinReport> joined;
+  if (earlier) {
+    joined.emplace();
+    began("join");
+    const RigidTransform T_earlier_new = MeetRooms(*earlier, scan->scanned, *joined);
+    if (joined->met < kLeastMet) {
+      return Fail(ErrorCode::kQualityGate,
+                  Text("%s: %.0f %% of what this scan sees there meets its surfaces (limit %.0f %%): scan "
+                       "the same room, with "
+                       "ptu.T_world_base of the rig right to 0.3 m and 10 degrees",
+                       (options.merge.empty() ? options.patch : options.merge).c_str(), 100 * joined->met,
+                       100 * kLeastMet));
+    }
+    scan->scanned = JoinRooms(*earlier, scan->scanned, T_earlier_new,
+                              options.merge.empty() ? Join::kPatch : Join::kMerge, *joined);
+  }
+  const RoomScan& room = scan->scanned;
+  if (auto ok = WriteEnvironment(options.out, room.environment); !ok) return tl::unexpected(ok.error());
+  if (auto ok = WritePanorama(options.out, room.environment.panorama, room.pictures); !ok)
     return tl::unexpected(ok.error());
-  if (auto ok = WriteRoom(options.out, scan->room); !ok) return tl::unexpected(ok.error());
+  if (auto ok = WriteRoom(options.out, room.room); !ok) return tl::unexpected(ok.error());
   if (auto ok = SaveText(options.out / "report.html", HtmlOf(*scan)); !ok) return tl::unexpected(ok.error());
-  const std::string report = ReportOf(*scan).dump(1) + "\n";
+  const std::string report = ReportOf(*scan, joined).dump(1) + "\n";
   if (auto ok = SaveText(options.out / "report.json", report); !ok) return tl::unexpected(ok.error());
-  return ScanOutcome{report, scan->environment.coverage, static_cast<int>(scan->room.triangle_count()),
+  if (!scan->report.failed_gates.empty()) {
+    return Fail(ErrorCode::kQualityGate, scan->report.failed_gates.front() + " (" +
+                                             (options.out / "report.html").string() + " says more)");
+  }
+  return ScanOutcome{report, room.environment.coverage, static_cast<int>(room.room.triangle_count()),
                      scan->report.left_out};
 }
 

@@ -15,6 +15,8 @@ namespace mixstage {
 
 struct ScanOptions {
   std::filesystem::path views, rig, out;
+  // An earlier scan's environment folder that this one is joined with (join_rooms.h); at most one is given.
+  std::filesystem::path merge{}, patch{};
   bool silent = false;                                // no progress on stderr
   std::function<void(const std::string&)> on_step{};  // hears the name of each step as it begins
 };

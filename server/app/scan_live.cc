@@ -109,6 +109,8 @@ Result<ScanOutcome> ScanLive(const LiveScanOptions& options) {
     return RunScan({.views = views,
                     .rig = options.rig,
                     .out = options.out,
+                    .merge = options.merge,
+                    .patch = options.patch,
                     .silent = options.silent,
                     .on_step = [&](const std::string& step) {
                       progress.text = step;

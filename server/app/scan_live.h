@@ -15,6 +15,7 @@ namespace mixstage {
 struct LiveScanOptions {
   std::filesystem::path rig;  // as calibrate wrote it
   std::filesystem::path out;  // environment folder to write; the sweep, a new take, goes into its views/
+  std::filesystem::path merge, patch;  // as of ScanOptions
   std::string lcm_url;
   SweepArea area;
   bool silent = false;  // no progress on stderr

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 #include "proto/base/check.h"
 
@@ -162,21 +163,29 @@ FusedDepth Fuse(const std::vector<PanoramaPatch>& patches, const PanoramaGrid& g
       for (int x = 0; x < size.width; ++x) {
         auto& seen = sights[static_cast<std::size_t>(x)];
         if (seen.empty()) continue;
-        std::sort(seen.begin(), seen.end(),
-                  [](const Sight& a, const Sight& b) { return a.inverse_range < b.inverse_range; });
-        float half = 0;
-        for (const Sight& s : seen) half += s.weight / 2;
-        std::size_t middle = 0;
-        for (float sum = 0; middle + 1 < seen.size(); ++middle) {
-          sum += seen[middle].weight;
-          if (sum >= half) break;
+        const auto agree_with = [](const Sight& a, const Sight& b) {
+          return std::abs(a.inverse_range - b.inverse_range) <= 3 * std::hypot(a.sigma, b.sigma);
+        };
+        // Votes, not weights: inverse variance would let one view that looks past a thing outvote those that
+        // see it.
+        std::size_t best = 0;
+        std::pair<int, float> most{0, 0.f};
+        for (std::size_t i = 0; i < seen.size(); ++i) {
+          std::pair<int, float> votes{0, 0.f};
+          for (const Sight& s : seen) {
+            if (!agree_with(s, seen[i])) continue;
+            ++votes.first;
+            votes.second += s.weight;
+          }
+          if (votes > most) {
+            most = votes;
+            best = i;
+          }
         }
         float sum = 0, weight = 0;
         int agree = 0;
         for (const Sight& s : seen) {
-          if (std::abs(s.inverse_range - seen[middle].inverse_range) >
-              3 * std::hypot(s.sigma, seen[middle].sigma))
-            continue;
+          if (!agree_with(s, seen[best])) continue;
           sum += s.weight * s.inverse_range;
           weight += s.weight;
           ++agree;

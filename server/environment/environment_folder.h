@@ -32,6 +32,13 @@ struct RoomModel {
   [[nodiscard]] Status Validate() const;
 };
 
+// A scan as its folder has it.
+struct RoomScan {
+  Environment environment;
+  PanoramaPictures pictures;
+  RoomModel room;
+};
+
 // Makes the folder where it is missing. Fails with kUnavailable (disk); sizes that differ from the panorama's
 // are our bug.
 Status WriteEnvironment(const std::filesystem::path& folder, const Environment& environment);

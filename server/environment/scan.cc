@@ -3,15 +3,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <opencv2/imgproc.hpp>
 
 #include "proto/base/clock.h"
+#include "proto/base/text.h"
 #include "proto/take/picture_files.h"
 #include "server/environment/color_panorama.h"
 #include "server/environment/dense_surface.h"
 #include "server/environment/depth_fusion.h"
 #include "server/environment/lamps.h"
+#include "server/environment/moved_things.h"
 #include "server/environment/range_view.h"
 #include "server/environment/registration.h"
 #include "server/environment/room_planes.h"
@@ -57,7 +58,8 @@ Status LoadView(const SweepView& listed, const Rig& rig, const RangeCamera& came
 
 // The surface that poses and ranges give.
 struct Surface {
-  PanoramaGrid grid;  // of the surface
+  PanoramaGrid grid;                   // of the surface
+  std::vector<PanoramaPatch> patches;  // of the views
   FusedDepth fused;
   SurfaceNodes nodes;
   std::vector<GrownPlane> planes;
@@ -108,7 +110,8 @@ Surface BuildSurface(const std::vector<LoadedView>& views, const std::vector<Rig
     }
   });
 
-  Surface s{grid, Fuse(patches, grid), {}, {}};
+  FusedDepth fused = Fuse(patches, grid);
+  Surface s{grid, std::move(patches), std::move(fused), {}, {}};
   s.nodes = MakeNodes(s.fused, grid, layout.node_step);
   DropIslands(s.nodes);
   FitPlanes(s.nodes);
@@ -201,6 +204,44 @@ cv::Mat1f InverseRangeOf(const DenseSurface& dense, const SurfaceNodes& nodes, c
     }
   });
   return out;
+}
+
+// What makes a scan no model of a room.
+std::vector<std::string> FailedGates(const ScanReport& report, const Environment& environment) {
+  constexpr double kLeastMeasured = 0.3, kMostApart_px = 3;
+  std::vector<std::string> failed;
+  if (report.left_out.size() > report.views.size()) {
+    failed.push_back(Text("%zu of %zu views could not be used; the first: %s", report.left_out.size(),
+                          report.left_out.size() + report.views.size(), report.left_out[0].reason.c_str()));
+  }
+  if (report.measured < kLeastMeasured) {
+    failed.push_back(Text(
+        "range was measured in %.0f %% of the swept directions only (limit %.0f %%): more frames at each "
+        "position, or more light from the depth camera",
+        100 * report.measured, 100 * kLeastMeasured));
+  }
+  if (environment.registration_px > kMostApart_px) {
+    failed.push_back(Text(
+        "points of two views lie %.1f px apart (limit %.0f px): the rig is not this head's, or the poses "
+        "are not of these pictures",
+        environment.registration_px, kMostApart_px));
+  }
+  const auto alone = std::count_if(report.views.begin(), report.views.end(),
+                                   [](const ViewFit& v) { return v.matches == 0; });
+  if (2 * static_cast<std::size_t>(alone) > report.views.size()) {
+    failed.push_back(Text(
+        "%td of %zu views share no point with another: they do not overlap, or the poses are not of these "
+        "pictures",
+        alone, report.views.size()));
+  }
+  return failed;
+}
+
+std::string Described(const MovedThing& m) {
+  return Text(
+      "something moved during the sweep: %.2f m2 at %.2f, %.2f, %.2f m stand %.2f m %s than in other views; "
+      "nothing of it is used",
+      m.area_m2, m.at.x(), m.at.y(), m.at.z(), std::abs(m.nearer_m), m.nearer_m > 0 ? "nearer" : "farther");
 }
 
 }  // namespace
@@ -332,40 +373,45 @@ Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<
   SurfaceMesh mesh = MakeSurfaceMesh(dense, surface.nodes, grid, {});
   auto occlusions = FindOcclusions(mesh, rig.color, color_views);
   if (!occlusions) return tl::unexpected(occlusions.error());
+  const std::vector<MovedThing> moved =
+      FindMovedThings(surface.patches, surface.fused, grid, range_camera.pitch_rad);
+  HideMovedThings(moved, rig.color, color_views, range_camera.pitch_rad, *occlusions);
+  for (const MovedThing& m : moved) report.notes.push_back({views[m.view].listed.name, Described(m)});
   const Photometry photometry = SolvePhotometry(color_views, *occlusions, rig, grid, dense.inverse_range);
   report.photometric_rms_levels = photometry.rms_levels;
 
   step("blend");
 
   const cv::Mat1f inverse_range = InverseRangeOf(dense, surface.nodes, grid, full);
-  result.pictures.color_bgra =
+  result.scanned.pictures.color_bgra =
       BlendColor(color_views, *occlusions, rig.color, photometry, full, inverse_range);
-  result.pictures.range_mm = cv::Mat1w(full.height(), full.width(), std::uint16_t{0});
+  result.scanned.pictures.range_mm = cv::Mat1w(full.height(), full.width(), std::uint16_t{0});
   std::size_t covered = 0, seen = 0;
   for (int y = 0; y < full.height(); ++y) {
     for (int x = 0; x < full.width(); ++x) {
       const float value = inverse_range(y, x);
-      const bool colored = result.pictures.color_bgra(y, x)[3] > 0;
+      const bool colored = result.scanned.pictures.color_bgra(y, x)[3] > 0;
       seen += swept[static_cast<std::size_t>(
           surface.nodes.At(x / kDepthShrink / surface.nodes.step, y / kDepthShrink / surface.nodes.step))];
       covered += colored;
       if (value > 0 && colored)
-        result.pictures.range_mm(y, x) = cv::saturate_cast<std::uint16_t>(1000 / value);
+        result.scanned.pictures.range_mm(y, x) = cv::saturate_cast<std::uint16_t>(1000 / value);
     }
   }
 
   step("lamps");
   cv::Mat4b small_color;
-  cv::resize(result.pictures.color_bgra, small_color, {grid.width(), grid.height()}, 0, 0, cv::INTER_AREA);
-  result.environment.lamps = FindLamps(small_color, dense, surface.nodes, surface.planes, grid, {});
+  cv::resize(result.scanned.pictures.color_bgra, small_color, {grid.width(), grid.height()}, 0, 0,
+             cv::INTER_AREA);
+  result.scanned.environment.lamps = FindLamps(small_color, dense, surface.nodes, surface.planes, grid, {});
 
   step("mesh");
-  result.room.positions = mesh.positions;
-  result.room.uvs = mesh.uvs;
-  result.room.indices = mesh.indices;
-  cv::cvtColor(result.pictures.color_bgra, result.room.texture_bgr, cv::COLOR_BGRA2BGR);
+  result.scanned.room.positions = mesh.positions;
+  result.scanned.room.uvs = mesh.uvs;
+  result.scanned.room.indices = mesh.indices;
+  cv::cvtColor(result.scanned.pictures.color_bgra, result.scanned.room.texture_bgr, cv::COLOR_BGRA2BGR);
 
-  Environment& environment = result.environment;
+  Environment& environment = result.scanned.environment;
   environment.rig = rig;
   environment.rig.vignetting_a = photometry.vignetting_a;
   environment.rig.vignetting_b = photometry.vignetting_b;
@@ -376,10 +422,9 @@ Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<
   constexpr double kOff_deg = 0.2;
   for (std::size_t i = 0; i < views.size(); ++i) {
     if (pan_tilt && registration.moved_deg[i] > kOff_deg) {
-      char text[96];
-      std::snprintf(text, sizeof text, "its encoders are %.2f degrees off: placed by its pictures",
-                    registration.moved_deg[i]);
-      report.notes.push_back({views[i].listed.name, text});
+      report.notes.push_back(
+          {views[i].listed.name,
+           Text("its encoders are %.2f degrees off: placed by its pictures", registration.moved_deg[i])});
     }
     if (registration.matches[i] > 0) misses.push_back(registration.rms_px[i]);
     report.views.push_back({views[i].listed.name, photometry.exposure[i], registration.matches[i],
@@ -395,6 +440,7 @@ Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<
     environment.frames.push_back({views[i].listed.name, poses[i]});
   environment.coverage =
       seen == 0 ? 0 : std::min(1.0, static_cast<double>(covered) / static_cast<double>(seen));
+  report.failed_gates = FailedGates(report, environment);
   step("");
   return result;
 }

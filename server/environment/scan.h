@@ -36,6 +36,7 @@ struct ScanReport {
   std::vector<ViewNote> left_out;  // views that are not used
   std::vector<ViewNote> notes;     // views that are, with a doubt
   std::vector<std::string> warnings;
+  std::vector<std::string> failed_gates;  // why the scan should not be used; empty = it may
   std::vector<ScanStep> steps;
   double measured = 0;  // share of the swept directions where range was measured; the rest is filled in
   double photometric_rms_levels = 0;  // between views at one point
@@ -43,9 +44,7 @@ struct ScanReport {
 };
 
 struct ScanResult {
-  Environment environment;
-  PanoramaPictures pictures;
-  RoomModel room;
+  RoomScan scanned;
   ScanReport report;
 };
 
