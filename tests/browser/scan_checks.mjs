@@ -38,8 +38,9 @@ export const kScanChecks = {
     await untilSentence(director, /Sweeping the room: 2 of 6/);
     const map = await cells(director);
     assert.equal(map.length, 6);
-    assert.deepEqual(map.filter((cell) => cell === 'recorded').length, 2, map);
-    assert.deepEqual(map.filter((cell) => cell === 'the head').length, 1, map);
+    // The next may be recorded by now.
+    assert.ok(map.filter((cell) => cell === 'recorded').length >= 2, `${map}`);
+    assert.equal(map.filter((cell) => cell === 'the head').length, 1, `${map}`);
     await director.shoot('scan_sweep');
   },
   'a scan that is killed is told to be silent': async ({ director, state }) => {
