@@ -400,7 +400,12 @@ void FrameStages::ShapeActor(Studio& s, Frame& f) {
     f.actor_depth_m = cv::Mat1f::zeros(Half(f.alpha.rows), Half(f.alpha.cols));
     return;
   }
-  s.actor_surface_->Run(s.key_->half_mask(), View(std::as_const(f.D)), *s.room_);
+  DepthInstant instant;
+  if (const DepthPicture* depth = f.captured->depth.get()) {
+    instant.measured_us = depth->capture_us;
+    instant.age_s = std::max(0.0, static_cast<double>(f.captured->capture_us - depth->capture_us) * 1e-6);
+  }
+  s.actor_surface_->Run(s.key_->half_mask(), View(std::as_const(f.D)), *s.room_, instant);
   f.actor_depth_m = s.actor_surface_->depth_m();
 }
 

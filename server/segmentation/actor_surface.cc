@@ -19,6 +19,11 @@ constexpr float kInFront = 2.0f;
 constexpr int kCompanions = 3;
 // An outstretched arm reaches this far behind or before the body.
 constexpr float kBodyDepth_m = 0.7f;
+// Of his motion along the view: depth pixels a side of one vote, and votes that count as much as all of him.
+constexpr int kSpeedBlock = 16;
+constexpr std::size_t kFewSteps = 128;
+constexpr float kFastest_m_s = 5.0f;
+constexpr double kLongestStep_s = 0.3;  // between two depth pictures, or from one to a colour picture
 
 float SigmaAt(const BackgroundModel& model, float z, int x, int y) {
   const float by_distance = kSigmaPerMetre * z * z;
@@ -46,9 +51,11 @@ Result<ActorSurface> ActorSurface::Create(const ActorSurfaceConfig& config) {
   return ActorSurface(config);
 }
 
-void ActorSurface::Run(const cv::Mat1b& mask, ImageView<const float> depth_m, const BackgroundModel& model) {
+void ActorSurface::Run(const cv::Mat1b& mask, ImageView<const float> depth_m, const BackgroundModel& model,
+                       const DepthInstant& instant) {
   surface_.create(mask.size());
   if (depth_m.empty() || cv::countNonZero(mask) == 0) {
+    has_before_ = false;
     surface_.setTo(0);
     return;
   }
@@ -63,6 +70,7 @@ void ActorSurface::Run(const cv::Mat1b& mask, ImageView<const float> depth_m, co
   cv::dilate(mask_, around_, cv::getStructuringElement(cv::MORPH_RECT, {3, 3}));
   box_ = cv::boundingRect(around_);
   if (box_.empty()) {
+    has_before_ = false;
     surface_.setTo(0);
     return;
   }
@@ -72,8 +80,10 @@ void ActorSurface::Run(const cv::Mat1b& mask, ImageView<const float> depth_m, co
   count_.resize(levels);
   KeepActor(model);
   DropFlying();
-  for (int round = 0; round < config_.smoothing_rounds; ++round) Smooth();
+  for (int round = 0; round < config_.smoothing_rounds; ++round) Smooth(round + 1);
+  LearnSpeed(instant.measured_us);
   FillHoles();
+  Advance(instant.age_s);
   cv::resize(depth_, surface_, {2 * depth_.cols, 2 * depth_.rows}, 0, 0, cv::INTER_LINEAR);
   if (surface_.size() != mask.size()) surface_ = surface_(cv::Rect({0, 0}, mask.size())).clone();
   for (int y = 0; y < mask.rows; ++y) {
@@ -133,22 +143,22 @@ void ActorSurface::DropFlying() {
   }
 }
 
-// Weighted mean over 5x5 of what may be the same surface: a body's curvature over 20 colour pixels is far
-// below a ToF camera's noise, the step from arm to body is above it.
-void ActorSurface::Smooth() {
+// Weighted mean over 5x5, step apart, of what may be the same surface: a body's curvature over 20 colour
+// pixels is far below a ToF camera's noise, the step from arm to body is above it.
+void ActorSurface::Smooth(int step) {
   depth_.copyTo(scratch_);
   for (int y = box_.y; y < box_.br().y; ++y) {
-    const int top = std::max(y - 2, 0), bottom = std::min(y + 2, depth_.rows - 1);
+    const int top = y - std::min(2, y / step) * step, bottom = std::min(y + 2 * step, depth_.rows - 1);
     for (int x = box_.x; x < box_.br().x; ++x) {
       const float z = scratch_(y, x);
       if (z <= 0) continue;
       const float near = std::min(config_.same_surface_m, std::max(4 * sigma_(y, x), 0.03f));
       const float scale = 1 / near;
-      const int left = std::max(x - 2, 0), right = std::min(x + 2, depth_.cols - 1);
+      const int left = x - std::min(2, x / step) * step, right = std::min(x + 2 * step, depth_.cols - 1);
       float sum = 0, weights = 0;
-      for (int v = top; v <= bottom; ++v) {
+      for (int v = top; v <= bottom; v += step) {
         const float* row = scratch_.ptr<float>(v);
-        for (int u = left; u <= right; ++u) {
+        for (int u = left; u <= right; u += step) {
           const float difference = (row[u] - z) * scale;
           const float root =
               std::max(1 - difference * difference, 0.0f);  // holes (0 m) are far from any surface
@@ -158,6 +168,68 @@ void ActorSurface::Smooth() {
         }
       }
       depth_(y, x) = sum / weights;
+    }
+  }
+}
+
+// Two depth pictures, both where he is seen now: what lies between them is his step along the view. A block's
+// median, drawn towards that of all of him: an arm is not his body, but a few pixels are only noise.
+void ActorSurface::LearnSpeed(std::int64_t measured_us) {
+  const cv::Size blocks((depth_.cols + kSpeedBlock - 1) / kSpeedBlock,
+                        (depth_.rows + kSpeedBlock - 1) / kSpeedBlock);
+  if (speed_.size() != blocks || !has_before_) {
+    speed_.create(blocks);
+    speed_.setTo(0);
+  }
+  const double between_s = static_cast<double>(measured_us - measured_us_) * 1e-6;
+  if (has_before_ && before_.size() == depth_.size() && between_s > 0 && between_s < kLongestStep_s) {
+    const auto median = [](std::vector<float>& values) {
+      const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+      std::nth_element(values.begin(), middle, values.end());
+      return *middle;
+    };
+    const auto collect = [&](const cv::Rect& where, std::vector<float>* steps) {
+      steps->clear();
+      for (int y = where.y; y < where.br().y; ++y) {
+        const float* now = depth_.ptr<float>(y);
+        const float* then = before_.ptr<float>(y);
+        for (int x = where.x; x < where.br().x; ++x) {
+          const float step = now[x] - then[x];
+          if (now[x] > 0 && then[x] > 0 && std::abs(step) < kFastest_m_s * static_cast<float>(between_s))
+            steps->push_back(step);
+        }
+      }
+    };
+    collect(box_, &all_steps_);
+    const float all = all_steps_.size() < kFewSteps ? 0.0f : median(all_steps_);
+    const cv::Rect whole({0, 0}, depth_.size());
+    for (int row = 0; row < blocks.height; ++row) {
+      for (int column = 0; column < blocks.width; ++column) {
+        const cv::Rect block(column * kSpeedBlock, row * kSpeedBlock, kSpeedBlock, kSpeedBlock);
+        if ((block & box_).empty()) continue;
+        collect(block & whole, &steps_);
+        const auto count = static_cast<float>(steps_.size());
+        const float own = steps_.empty() ? 0.0f : median(steps_);
+        const float step = (count * own + kFewSteps * all) / (count + kFewSteps);
+        float& speed = speed_(row, column);
+        speed += 0.5f * (step / static_cast<float>(between_s) - speed);
+      }
+    }
+  }
+  depth_.copyTo(before_);
+  measured_us_ = measured_us;
+  has_before_ = true;
+}
+
+void ActorSurface::Advance(double age_s) {
+  if (age_s <= 0 || age_s > kLongestStep_s) return;
+  cv::resize(speed_, pace_, {speed_.cols * kSpeedBlock, speed_.rows * kSpeedBlock}, 0, 0, cv::INTER_LINEAR);
+  const auto age = static_cast<float>(age_s);
+  for (int y = box_.y; y < box_.br().y; ++y) {
+    const float* pace = pace_.ptr<float>(y);
+    float* z = depth_.ptr<float>(y);
+    for (int x = box_.x; x < box_.br().x; ++x) {
+      if (z[x] > 0) z[x] = std::max(z[x] + pace[x] * age, 0.05f);
     }
   }
 }

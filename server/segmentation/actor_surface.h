@@ -5,6 +5,7 @@
 // him.
 #pragma once
 
+#include <cstdint>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -20,6 +21,13 @@ struct ActorSurfaceConfig {
   int smoothing_rounds = 2;  // 0..4
 };
 
+// When depth was measured, on any clock, and the colour picture's instant less that: what moved across the
+// view was moved before (server/depth/depth_motion), how much nearer it came is ActorSurface's.
+struct DepthInstant {
+  std::int64_t measured_us = 0;
+  double age_s = 0;  // >= 0
+};
+
 class ActorSurface {
  public:
   // Fails with kInvalidConfig where a value is out of its range.
@@ -27,10 +35,12 @@ class ActorSurface {
 
   // mask     [Half(h) x Half(w)]  > 0 actor (Key::half_mask)
   // depth_m  [h x w]  D: z in metres in the colour camera, 0 = unknown; empty = none: then the surface is
-  // empty too model    for D_M and its noise; may have no depth: then every measurement inside the mask
-  // counts as his Nothing of earlier frames is used, so nothing lags. Allocates on a new size only; one
-  // thread at a time.
-  void Run(const cv::Mat1b& mask, ImageView<const float> depth_m, const BackgroundModel& model);
+  //          empty too
+  // model    for D_M and its noise; may have no depth: then every measurement inside the mask counts as his
+  // Of earlier frames only his speed along the view is used, to bring an older depth to the picture's
+  // instant. Allocates on a new size only; one thread at a time.
+  void Run(const cv::Mat1b& mask, ImageView<const float> depth_m, const BackgroundModel& model,
+           const DepthInstant& instant = {});
 
   // Of the last Run, [Half(h) x Half(w)]: z in metres > 0 at every pixel of the mask, 0 outside. All 0 where
   // depth saw nothing of him at all.
@@ -40,16 +50,23 @@ class ActorSurface {
   explicit ActorSurface(const ActorSurfaceConfig& config) : config_(config) {}
   void KeepActor(const BackgroundModel& model);
   void DropFlying();
-  void Smooth();
+  void Smooth(int step);
   void BuildPyramid();
+  void LearnSpeed(std::int64_t measured_us);
+  void Advance(double age_s);
   float FromPyramid(int x, int y, std::size_t level) const;
   void FillHoles();
 
   ActorSurfaceConfig config_;
   cv::Mat1f depth_, sigma_, scratch_, surface_;  // depth_, sigma_, scratch_ [Quarter(h) x Quarter(w)]
   cv::Mat1b mask_, around_;                      // [Quarter(h) x Quarter(w)]
-  cv::Rect box_;                                 // of around_: nothing outside is touched
-  std::vector<cv::Mat1f> sum_, count_;           // pyramid of what is known, [0] = Quarter
+  cv::Mat1f before_;                             // [Quarter] depth_ of the depth picture before
+  cv::Mat1f speed_, pace_;                       // [blocks], [Quarter] m/s away from the camera
+  std::int64_t measured_us_ = 0;                 // of depth_
+  bool has_before_ = false;
+  std::vector<float> steps_, all_steps_;
+  cv::Rect box_;                        // of around_: nothing outside is touched
+  std::vector<cv::Mat1f> sum_, count_;  // pyramid of what is known, [0] = Quarter
 };
 
 }  // namespace mixstage

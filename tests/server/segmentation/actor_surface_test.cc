@@ -71,6 +71,18 @@ TEST_F(ActorSurfaceTest, CalmsNoise) {
   EXPECT_LT(deviation[0], 0.02);
 }
 
+// 1.25 m/s towards the camera; colour pictures 40 ms after the depth that they go with.
+TEST_F(ActorSurfaceTest, OldDepthIsBroughtToThePicturesInstant) {
+  float z_m = 2.8f;
+  for (int i = 1; i <= 8; ++i, z_m -= 0.1f) {
+    room_.PaintDepth(kActor, z_m);
+    surface_.Run(mask_, room_.Depth(), model_, {.measured_us = i * 80'000, .age_s = 0.04});
+  }
+  EXPECT_NEAR(At(220, 180), z_m + 0.1f - 0.05f, 0.005f);
+  surface_.Run(mask_, room_.Depth(), model_, {.measured_us = 8 * 80'000, .age_s = 0.0});
+  EXPECT_NEAR(At(220, 180), z_m + 0.1f, 0.005f);
+}
+
 TEST_F(ActorSurfaceTest, NoDepthNoSurface) {
   surface_.Run(mask_, {}, model_);
   EXPECT_EQ(cv::countNonZero(surface_.depth_m()), 0);
