@@ -175,6 +175,8 @@ Result<ServerMessage> ParseStats(const JsonFields& fields) {
   read.List("agents", 64, &agents);
   read.Double("depth_age_s", &stats.depth_age_s);
   read.Object("recording", &recording);
+  const Json* contacts = nullptr;
+  if (read.Has("contacts")) read.List("contacts", kMaxStatsContacts, &contacts);
   if (read.Has("T_scene_color")) read.Numbers("T_scene_color", stats.T_scene_color.emplace());
   if (!read.status()) return Within("stats", read.status().error());
   JsonReader read_recording(*recording);
@@ -186,6 +188,20 @@ Result<ServerMessage> ParseStats(const JsonFields& fields) {
     auto scan = ParseScan(*item);
     if (!scan) return Within("stats: scan", scan.error());
     stats.scan = std::move(*scan);
+  }
+  if (contacts != nullptr) {
+    for (const Json& item : *contacts) {
+      WatchContact contact;
+      JsonReader r(item);
+      r.Double("age_s", &contact.age_s);
+      r.Text("event", &contact.event);
+      r.Text("object", &contact.object);
+      r.Text("with", &contact.with);
+      r.Double("impulse_ns", &contact.impulse_ns);
+      r.Text("text", &contact.text);
+      if (!r.status()) return Within("stats: contacts", r.status().error());
+      stats.contacts.push_back(std::move(contact));
+    }
   }
   JsonReader read_latency(*latency);
   read_latency.Double("p50", &stats.latency_p50_ms);
@@ -327,6 +343,14 @@ std::string ToJson(const WatchStats& stats) {
                 {{"active", stats.recording.active},
                  {"seconds", Finite(stats.recording.seconds)},
                  {"dropped", stats.recording.dropped}}}};
+  for (const WatchContact& contact : stats.contacts) {
+    json["contacts"].push_back({{"age_s", Finite(contact.age_s)},
+                                {"event", contact.event},
+                                {"object", contact.object},
+                                {"with", contact.with},
+                                {"impulse_ns", Finite(contact.impulse_ns)},
+                                {"text", contact.text}});
+  }
   if (stats.scan) json["scan"] = Scan(*stats.scan);
   if (stats.T_scene_color) {
     Json& numbers = json["T_scene_color"] = Json::array();

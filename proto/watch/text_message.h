@@ -93,6 +93,16 @@ struct WatchScan {      // a live scan of the room
   std::uint64_t triangles = 0;                  // done
 };
 
+// What happened to an object of the scene.
+struct WatchContact {
+  double age_s = 0;
+  std::string event{"touch"};    // touch, rest, problem
+  std::string object{}, with{};  // names; with: of a touch
+  double impulse_ns = 0;         // of a touch, N s
+  std::string text{};            // of a problem: the sentence its author reads
+};
+inline constexpr std::size_t kMaxStatsContacts = 16;
+
 struct WatchStats {
   std::int64_t server_us = 0;
   std::string state{};    // live, learning, no_agent, stalled, no_depth
@@ -108,7 +118,8 @@ struct WatchStats {
   std::vector<WatchAgent> agents{};
   double depth_age_s = 0;
   WatchRecording recording{};
-  std::optional<WatchScan> scan{};  // nothing while no scan has been heard of for a minute
+  std::vector<WatchContact> contacts{};  // of the last 10 s, the newest first, at most kMaxStatsContacts
+  std::optional<WatchScan> scan{};       // nothing while no scan has been heard of for a minute
   // Where the camera of the last picture stands: rows of a 3 x 4 matrix, metres; nothing before the first.
   std::optional<std::array<double, 12>> T_scene_color{};
 };

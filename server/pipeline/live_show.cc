@@ -146,6 +146,10 @@ void LiveShow::RunFrames() {
       if (studio_.scene()) scene_revision_ = studio_.scene()->revision;
       room_state_ = studio_.room_state();
       T_scene_color_ = studio_.TSceneColor(*frame);
+      for (const PhysicsEvent& event : frame->events) {
+        contacts_.push_front(event);
+        if (contacts_.size() > kMaxStatsContacts) contacts_.pop_back();
+      }
     }
     OfferMeshes(frame);
     if (finished_.Push(std::move(frame)) > 0) CountDrop("late");
@@ -245,6 +249,12 @@ WatchStats LiveShow::Stats() const {
     const Distribution latency = DistributionOf(std::move(latency_ms));
     stats.latency_p50_ms = latency.p50;
     stats.latency_p99_ms = latency.p99;
+    for (const PhysicsEvent& event : contacts_) {
+      const std::int64_t age_us = std::max<std::int64_t>(0, now_us - event.t_us);
+      if (age_us > kStatsWindowUs) break;
+      stats.contacts.push_back({static_cast<double>(age_us) * 1e-6, PhysicsEventName(event.kind), event.name,
+                                event.with, event.impulse_ns, event.text});
+    }
     if (T_scene_color_) {
       using Rows = Eigen::Matrix<double, 3, 4, Eigen::RowMajor>;
       Eigen::Map<Rows>(stats.T_scene_color.emplace().data()) = T_scene_color_->matrix().topRows<3>();

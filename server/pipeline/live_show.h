@@ -101,6 +101,7 @@ class LiveShow {
   std::deque<Shown> shown_;   // of the last 10 s
   std::int64_t frames_ = 0, bytes_ = 0;
   std::map<std::string, std::int64_t> drops_;
+  std::deque<PhysicsEvent> contacts_;  // the newest first, at most kMaxStatsContacts
   RoomState room_state_ = RoomState::kLearning;
   std::optional<RigidTransform> T_scene_color_;  // of the last frame
   std::uint64_t scene_revision_ = 0;             // of the scene that the last frame showed; 0 = none

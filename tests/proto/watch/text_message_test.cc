@@ -27,6 +27,7 @@ WatchStats FullStats() {
           .agents = {{"0123456789abcdef", "head-1", 0.2, 30, 12.5, 1, 2, 2.0, 4, 9, 0.01, 1.5, true}},
           .depth_age_s = 3.5,
           .recording = {true, 12.5, 3},
+          .contacts = {{0.5, "touch", "vase", "floor", 1.25, ""}},
           .scan = WatchScan{.state = "compute",
                             .age_s = 0.5,
                             .positions = 6,
@@ -89,6 +90,7 @@ TEST(ServerMessage, StatsHaveTheFieldsOfTheSpecification) {
                 "drops": 1, "queue": 2, "encode_ms": 2.0, "lost": 4,
                 "repaired": 9, "slice_loss": 0.01, "delay_ms": 1.5, "recording": true}],
     "depth_age_s": 3.5, "recording": {"active": true, "seconds": 12.5, "dropped": 3},
+    "contacts": [{"age_s": 0.5, "event": "touch", "object": "vase", "with": "floor", "impulse_ns": 1.25, "text": ""}],
     "scan": {"state": "compute", "age_s": 0.5, "positions": 6, "recorded": 5, "left_out": 1, "columns": 3, "rows": 2,
              "cells": "112111", "pan_deg": [30.0, -30.0], "tilt_deg": [10.0, -10.0], "text": "register",
              "notes": "pan -30.0 tilt 10.0: no colour picture came\n", "coverage": 0.0, "triangles": 0},
@@ -131,7 +133,8 @@ TEST(ServerMessage, EveryMissingOrMistypedFieldIsRefusedByName) {
   for (const auto& [name, value] : good.items()) {
     nlohmann::json missing = good;
     missing.erase(name);
-    EXPECT_EQ(ParseServerMessage(missing.dump()).has_value(), name == "T_scene_color" || name == "scan")
+    EXPECT_EQ(ParseServerMessage(missing.dump()).has_value(),
+              name == "T_scene_color" || name == "scan" || name == "contacts")
         << name;
     nlohmann::json mistyped = good;
     mistyped[name] = nullptr;

@@ -36,6 +36,7 @@ const kStats = {
   ],
   depth_age_s: 0.04,
   recording: { active: false, seconds: 0, dropped: 0 },
+  contacts: [{ age_s: 0.4, event: 'touch', object: 'vase', with: 'floor', impulse_ns: 1.9, text: '' }],
   T_scene_color: [0, 0, 1, 2, -1, 0, 0, 0.5, 0, -1, 0, 1.4],
 };
 const kHello = {
@@ -149,7 +150,7 @@ describe('a control message', () => {
   });
 
   it('refuses what lacks any one field', () => {
-    const optional = ['type', 'recording', 'T_scene_color'];
+    const optional = ['type', 'recording', 'contacts', 'T_scene_color'];
     for (const key of Object.keys(kStats).filter((name) => !optional.includes(name))) {
       const { [key as keyof typeof kStats]: _left, ...rest } = kStats;
       expect(reasonOf(rest), key).not.toBe('accepted');

@@ -17,6 +17,19 @@ import { scanProgressOf, type ScanProgress } from './scan_progress';
 export const kServerStates = ['live', 'learning', 'no_agent', 'stalled', 'no_depth'] as const;
 export type ServerState = (typeof kServerStates)[number];
 
+/** What happened to an object of the scene. */
+export interface Contact {
+  age_s: number;
+  /** touch, rest or problem. */
+  event: string;
+  object: string;
+  /** What it touched. */
+  with: string;
+  impulse_ns: number;
+  /** Of a problem: a sentence. */
+  text: string;
+}
+
 export interface StageTime {
   name: string;
   budget_ms: number;
@@ -73,8 +86,21 @@ export interface Stats {
   recording: Recording | null;
   /** Where the last picture's colour camera stands, rows of a 3 x 4 matrix; null: not known. */
   T_scene_color: number[] | null;
+  /** Of the last 10 s, the newest first; null: nothing happened. */
+  contacts: Contact[] | null;
   /** A live scan of the room; null: none has been heard of for a minute. */
   scan: ScanProgress | null;
+}
+
+function contactOf(record: JsonRecord): Contact {
+  return {
+    age_s: amountAt(record, 'age_s'),
+    event: textAt(record, 'event'),
+    object: textAt(record, 'object'),
+    with: textAt(record, 'with'),
+    impulse_ns: amountAt(record, 'impulse_ns'),
+    text: textAt(record, 'text'),
+  };
 }
 
 /** What an older server leaves out is not known. */
@@ -144,6 +170,7 @@ export function statsOf(record: JsonRecord): Stats {
     depth_age_s: numberAt(record, 'depth_age_s'),
     recording: ifThere(record, 'recording', recordingAt),
     T_scene_color: ifThere(record, 'T_scene_color', (from, key) => numbersAt(from, key, 12)),
+    contacts: ifThere(record, 'contacts', (from, key) => recordsAt(from, key).map(contactOf)),
     scan: ifThere(record, 'scan', (from, key) => scanProgressOf(recordOf(from[key], key))),
   };
 }

@@ -125,6 +125,25 @@ function drops(stats: Stats): HTMLElement {
   );
 }
 
+function contacts(stats: Stats): HTMLElement {
+  const rows = stats.contacts ?? [];
+  if (rows.length === 0) return part('Contacts', 'none in the last 10 s');
+  return part(
+    'Contacts',
+    'last 10 s',
+    table(
+      [{ title: 'object' }, { title: 'what' }, { title: 'N s', number: true }, { title: 'ago', number: true }],
+      rows.map((contact) => [
+        { text: contact.object },
+        { text: contact.event === 'problem' ? contact.text : `${contact.event} ${contact.with}` },
+        { text: contact.event === 'touch' ? contact.impulse_ns.toFixed(2) : '' },
+        { text: span(contact.age_s) },
+      ]),
+      'contacts-table',
+    ),
+  );
+}
+
 function agentRow(agent: AgentHealth): Cell[] {
   return [
     { text: agent.name, title: `epoch ${agent.epoch}` },
@@ -280,6 +299,7 @@ export class DetailsPanel {
       stages(stats),
       latency(stats, status),
       drops(stats),
+      contacts(stats),
       agents(stats),
       ...(stats.agents.length > 0 ? [way(stats)] : []),
       page(stats, status, room),

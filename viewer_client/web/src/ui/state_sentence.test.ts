@@ -20,6 +20,7 @@ function stats(state: ServerState, message = ''): Stats {
     agents: [],
     recording: null,
     T_scene_color: null,
+    contacts: null,
     scan: null,
     depth_age_s: 3.4,
   };
