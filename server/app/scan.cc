@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/app/scan.h"
 
+#include <openssl/evp.h>
 #include <cmath>
 #include <cstdio>
 #include <fstream>
@@ -88,18 +89,10 @@ std::string Inline(const cv::Mat& picture) {
   }
   std::vector<std::uint8_t> jpeg;
   cv::imencode(".jpg", small, jpeg, {cv::IMWRITE_JPEG_QUALITY, 85});
-  static constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string text = "<img src=\"data:image/jpeg;base64,";
-  for (std::size_t i = 0; i < jpeg.size(); i += 3) {
-    unsigned bits = static_cast<unsigned>(jpeg[i]) << 16;
-    if (i + 1 < jpeg.size()) bits |= static_cast<unsigned>(jpeg[i + 1]) << 8;
-    if (i + 2 < jpeg.size()) bits |= jpeg[i + 2];
-    text += kDigits[bits >> 18 & 63];
-    text += kDigits[bits >> 12 & 63];
-    text += i + 1 < jpeg.size() ? kDigits[bits >> 6 & 63] : '=';
-    text += i + 2 < jpeg.size() ? kDigits[bits & 63] : '=';
-  }
-  return text + "\">";
+  std::string text(4 * ((jpeg.size() + 2) / 3) + 1, '\0');  // base64 and the zero that ends it
+  EVP_EncodeBlock(reinterpret_cast<unsigned char*>(text.data()), jpeg.data(), static_cast<int>(jpeg.size()));
+  text.pop_back();
+  return "<img src=\"data:image/jpeg;base64," + text + "\">";
 }
 
 std::string Row(std::initializer_list<std::string> cells) {
@@ -108,11 +101,7 @@ std::string Row(std::initializer_list<std::string> cells) {
   return row + "</tr>\n";
 }
 
-std::string Number(double value, int digits) {
-  char text[48];
-  std::snprintf(text, sizeof text, "%.*f", digits, value);
-  return text;
-}
+std::string Number(double value, int digits) { return Text("%.*f", digits, value); }
 
 std::string HtmlOf(const ScanResult& scan) {
   const Environment& e = scan.scanned.environment;
@@ -218,8 +207,7 @@ Result<ScanOutcome> RunScan(const ScanOptions& options) {
     if (joined->met < kLeastMet) {
       return Fail(ErrorCode::kQualityGate,
                   Text("%s: %.0f %% of what this scan sees there meets its surfaces (limit %.0f %%): scan "
-                       "the same room, with "
-                       "ptu.T_world_base of the rig right to 0.3 m and 10 degrees",
+                       "the same room, with ptu.T_world_base of the rig right to 0.3 m and 10 degrees",
                        (options.merge.empty() ? options.patch : options.merge).c_str(), 100 * joined->met,
                        100 * kLeastMet));
     }

@@ -40,7 +40,6 @@ struct ScanReport {
   std::vector<ScanStep> steps;
   double measured = 0;  // share of the swept directions where range was measured; the rest is filled in
   double photometric_rms_levels = 0;  // between views at one point
-  std::vector<double> exposure;       // of each frame of the environment
 };
 
 struct ScanResult {

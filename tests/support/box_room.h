@@ -6,8 +6,10 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <limits>
+#include <random>
 
 #include "proto/geometry/rig.h"
+#include "server/environment/range_view.h"
 
 namespace mixstage {
 
@@ -57,6 +59,21 @@ inline RigidTransform LookTo(const Eigen::Vector3d& at, double azimuth_rad, doub
   T.linear().col(2) = z;
   T.translation() = at;
   return T;
+}
+
+// The room as a depth camera there measures it, every pixel with noise of sigma_m.
+inline RangeView SeeBoxRoom(const BoxRoom& room, const RangeCamera& camera,
+                            const RigidTransform& T_world_depth, double sigma_m, std::mt19937& random) {
+  std::normal_distribution<double> normal(0, sigma_m);
+  RangeView view{cv::Mat1f(camera.ray.size()), cv::Mat1f(camera.ray.size(), static_cast<float>(sigma_m))};
+  for (int y = 0; y < view.range_m.rows; ++y) {
+    for (int x = 0; x < view.range_m.cols; ++x) {
+      const cv::Vec3f n = camera.ray(y, x);
+      const Eigen::Vector3d ray = T_world_depth.linear() * Eigen::Vector3d(n[0], n[1], n[2]);
+      view.range_m(y, x) = static_cast<float>(room.Range(T_world_depth.translation(), ray) + normal(random));
+    }
+  }
+  return view;
 }
 
 }  // namespace mixstage

@@ -30,22 +30,12 @@ struct Sweep {
       poses.push_back(LookTo({1, 1.7, 1.4}, azimuth, -0.2));
     grid = PanoramaGrid(Coarser(LayOutPanorama(rig.color, poses, 6), 3));
     std::mt19937 random(5);
-    std::normal_distribution<double> normal(0, 1);
     for (std::size_t i = 0; i < poses.size(); ++i) {
       views.push_back({cv::Mat3b(rig.color.height, rig.color.width), poses[i]});
       const BoxRoom room = i == kOdd ? odd_room : BoxRoom();
       const RigidTransform T_world_depth = poses[i] * camera.T_color_depth;
-      RangeView view{cv::Mat1f(camera.ray.size()),
-                     cv::Mat1f(camera.ray.size(), static_cast<float>(kSigma_m))};
-      for (int y = 0; y < view.range_m.rows; ++y) {
-        for (int x = 0; x < view.range_m.cols; ++x) {
-          const cv::Vec3f n = camera.ray(y, x);
-          const Eigen::Vector3d ray = T_world_depth.linear() * Eigen::Vector3d(n[0], n[1], n[2]);
-          view.range_m(y, x) =
-              static_cast<float>(room.Range(T_world_depth.translation(), ray) + kSigma_m * normal(random));
-        }
-      }
-      patches.push_back(SeeFromCenter(view, camera, T_world_depth, grid));
+      patches.push_back(SeeFromCenter(SeeBoxRoom(room, camera, T_world_depth, kSigma_m, random), camera,
+                                      T_world_depth, grid));
     }
     fused = Fuse(patches, grid);
   }

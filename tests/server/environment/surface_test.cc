@@ -35,7 +35,6 @@ const Scanned& ScannedRoom() {
     const Rig rig = BoxRoomRig();
     const RangeCamera camera = RangeCamera::Of(rig);
     std::mt19937 random(7);
-    std::normal_distribution<double> normal(0, kSigma_m);
     std::vector<RigidTransform> poses;
     for (const double elevation : {-0.35, 0.0, 0.35})
       for (const double azimuth : {-0.5, -0.15, 0.2, 0.55})
@@ -47,17 +46,8 @@ const Scanned& ScannedRoom() {
     std::vector<PanoramaPatch> patches;
     for (const RigidTransform& T_world_color : poses) {
       const RigidTransform T_world_depth = T_world_color * camera.T_color_depth;
-      RangeView view{cv::Mat1f(camera.ray.size()),
-                     cv::Mat1f(camera.ray.size(), static_cast<float>(kSigma_m))};
-      for (int y = 0; y < view.range_m.rows; ++y) {
-        for (int x = 0; x < view.range_m.cols; ++x) {
-          const cv::Vec3f n = camera.ray(y, x);
-          const Eigen::Vector3d ray = T_world_depth.linear() * Eigen::Vector3d(n[0], n[1], n[2]);
-          view.range_m(y, x) =
-              static_cast<float>(room.Range(T_world_depth.translation(), ray) + normal(random));
-        }
-      }
-      patches.push_back(SeeFromCenter(view, camera, T_world_depth, grid));
+      patches.push_back(SeeFromCenter(SeeBoxRoom(room, camera, T_world_depth, kSigma_m, random), camera,
+                                      T_world_depth, grid));
     }
     Scanned s{room, grid, Fuse(patches, grid), {}, {}, {}, {}};
     s.nodes = MakeNodes(s.fused, grid, kNodeStep);
