@@ -55,6 +55,7 @@ void ZKey::Run(const ZKeyInput& in, YuvImage& composite, cv::Mat1w& depth_mm, cv
   const bool actor = !in.alpha.empty();
   MIX_CHECK(!actor || (in.alpha.width() == w && in.alpha.height() == h &&
                        in.actor_depth_m.width() == (w + 1) / 2 && in.actor_depth_m.height() == (h + 1) / 2));
+  MIX_CHECK(in.foreground == nullptr || in.foreground->size() == cv::Size(w, h));
   MIX_CHECK(in.room == nullptr || in.room->depth_m.size() == cv::Size(w, h));
   const bool cg = in.cg != nullptr && !in.cg->bounds.empty();
   MIX_CHECK(!cg || ((in.cg->bounds & cv::Rect(0, 0, w, h)) == in.cg->bounds && in.cg->bounds.x % 2 == 0 &&
@@ -214,6 +215,7 @@ void ZKey::DrawRow(const ZKeyInput& in, int row, YuvImage& composite, cv::Mat1w&
   const SrgbTables& srgb = SrgbTables::Get();
   const Span actor = in.alpha.empty() ? Span{} : actor_spans_[static_cast<std::size_t>(y)];
   const std::uint8_t* alpha = in.alpha.empty() ? nullptr : in.alpha.row(y);
+  const cv::Vec3b* own = in.foreground != nullptr ? (*in.foreground)[y] : nullptr;
   const float* actor_z = in.alpha.empty() ? nullptr : actor_z_[y / 2];
   const std::uint8_t* real_y = in.color->y[y];
   const std::uint8_t* real_cb = in.color->cb[y >> ChromaShiftY(in.color->layout)];
@@ -234,17 +236,22 @@ void ZKey::DrawRow(const ZKeyInput& in, int row, YuvImage& composite, cv::Mat1w&
     std::memset(out_alpha + begin, 255, count);
     std::memset(seen + begin, kWhole, count);
   };
-  const auto mix = [&](int i, float coverage) {
+  // actor_part: his share of the pixel where he stands before CG, with his own colour.
+  const auto mix = [&](int i, float coverage, float actor_part) {
     const auto visible = static_cast<std::uint8_t>(coverage * 255.f + 0.5f);
     if (visible == 0) return;
     const cv::Vec4f& cg = layer[i];
     const int x = bounds.x + i;
     const Rgb8 real = FixedYcbcrToRgb(real_y[x], real_cb[x >> shift_x], real_cr[x >> shift_x]);
     const float k = coverage / cg[3];
-    const float rest = 1 - coverage;
-    const Ycbcr8 mixed =
-        LinearToYcbcr(srgb, srgb.ToLinear(real.r) * rest + k * cg[0],
-                      srgb.ToLinear(real.g) * rest + k * cg[1], srgb.ToLinear(real.b) * rest + k * cg[2]);
+    const float rest = 1 - coverage - actor_part;
+    std::array<float, 3> light = {srgb.ToLinear(real.r) * rest + k * cg[0],
+                                  srgb.ToLinear(real.g) * rest + k * cg[1],
+                                  srgb.ToLinear(real.b) * rest + k * cg[2]};
+    if (actor_part > 0) {
+      for (std::size_t c = 0; c < 3; ++c) light[c] += actor_part * srgb.ToLinear(own[x][static_cast<int>(c)]);
+    }
+    const Ycbcr8 mixed = LinearToYcbcr(srgb, light[0], light[1], light[2]);
     out_y[i] = mixed.y;
     mixed_cb_[row][i] = mixed.cb;
     mixed_cr_[row][i] = mixed.cr;
@@ -266,19 +273,19 @@ void ZKey::DrawRow(const ZKeyInput& in, int row, YuvImage& composite, cv::Mat1w&
       if (stretch.opaque) {
         if (end > i) copy(i, end);
       } else {
-        for (int j = i; j < end; ++j) mix(j, layer[j][3]);
+        for (int j = i; j < end; ++j) mix(j, layer[j][3], 0);
       }
       // Where he is. 0, not known, is in front too.
       for (i = end; i < stretch.end && bounds.x + i < actor.end && alpha[bounds.x + i] != 0; ++i) {
         const std::uint8_t covered = alpha[bounds.x + i];
         const bool in_front = actor_z[(bounds.x + i) / 2] < layer_z[i];
         if (in_front && covered == 255) continue;
-        const float coverage =
-            in_front ? layer[i][3] * (1 - static_cast<float>(covered) * (1 / 255.f)) : layer[i][3];
+        const float a = in_front ? static_cast<float>(covered) * (1 / 255.f) : 0.f;
+        const float coverage = layer[i][3] * (1 - a);
         if (coverage >= kOpaque) {
           copy(i, i + 1);
         } else {
-          mix(i, coverage);
+          mix(i, coverage, own != nullptr ? layer[i][3] * a : 0.f);
         }
       }
     }

@@ -24,15 +24,19 @@ struct ZKeyInput {
   const YuvImage* color = nullptr;      // the camera's picture, any chroma layout
   ImageView<const std::uint8_t> alpha;  // [h x w] coverage of the actor, linear; empty = no actor is known
   ImageView<const float>
-      actor_depth_m;                // [(h+1)/2 x (w+1)/2] z of the actor, 0 = not known; empty like alpha
-  const RoomDepth* room = nullptr;  // null = the room's depth is not known: CG stands before all of it
-  const CgLayer* cg = nullptr;      // null = no CG
+      actor_depth_m;  // [(h+1)/2 x (w+1)/2] z of the actor, 0 = not known; empty like alpha
+  const cv::Mat3b* foreground = nullptr;  // [h x w] R, G, B: the actor's own colour where 0 < alpha < 255,
+                                          // without the room's share; null = the picture's
+  const RoomDepth* room = nullptr;        // null = the room's depth is not known: CG stands before all of it
+  const CgLayer* cg = nullptr;            // null = no CG
 };
 
 // Mutual occlusion per pixel (MixIn3D 3.1, piVE 5): the nearest of room, actor and CG is seen. Everything
 // that is not virtual is the camera's own picture, untouched. CG is mixed in linear light by its visible
 // coverage:
 //   seen = coverage x (1 - alpha where the actor is nearer) x (0 where the room is nearer, 1 elsewhere)
+// Before CG an actor's soft edge has his own colour: the room that the camera saw through it is not there any
+// more.
 // An actor whose depth is not known stands in front, as in any key without depth.
 // The papers compare depths as they are; the sensor's noise would let the floor flicker through an object's
 // foot, so the room hides CG only where it is nearer by kRoomSigmas of its own noise.

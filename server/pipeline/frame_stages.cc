@@ -387,8 +387,8 @@ void FrameStages::KeyActor(Studio& s, Frame& f) {
     f.alpha.setTo(0);
     return;
   }
-  s.key_->Run(*s.room_, s.half_, View(std::as_const(f.D)), static_cast<float>(f.depth_age_s), View(f.label),
-              View(f.alpha));
+  s.key_->Run(*s.room_, View(f.captured->color.y), s.half_, View(std::as_const(f.D)),
+              static_cast<float>(f.depth_age_s), View(f.label), View(f.alpha));
   if (s.room_view_ && !s.refined_.complete() && f.captured->capture_us >= s.refine_due_us_) {
     s.refine_due_us_ = f.captured->capture_us + kRefineUs;
     s.refined_.Add(s.half_, s.key_->tone(), s.key_->half_mask(), View(std::as_const(f.label)));
@@ -442,6 +442,7 @@ void FrameStages::CompositeZ(Studio& s, Frame& f) {
   s.z_key_.Run({.color = &f.captured->color,
                 .alpha = View(std::as_const(f.alpha)),
                 .actor_depth_m = View(std::as_const(f.actor_depth_m)),
+                .foreground = f.keyed ? &s.key_->foreground() : nullptr,
                 .room = s.room_depth_ ? &*s.room_depth_ : nullptr,
                 .cg = f.cg},
                f.composite, f.depth_mm, f.cg_alpha);

@@ -52,11 +52,13 @@ Result<Key> Key::Create(const KeyConfig& c) {
   return Key(c);
 }
 
-void Key::Run(const BackgroundModel& model, const HalfPicture& picture, ImageView<const float> depth_m,
-              float depth_age_s, ImageView<std::uint8_t> label, ImageView<std::uint8_t> alpha) {
+void Key::Run(const BackgroundModel& model, ImageView<const std::uint8_t> luma, const HalfPicture& picture,
+              ImageView<const float> depth_m, float depth_age_s, ImageView<std::uint8_t> label,
+              ImageView<std::uint8_t> alpha) {
   const cv::Size half(Half(model.width), Half(model.height));
   MIX_CHECK(picture.r.size() == half && model.mean[0].size() == half);
-  MIX_CHECK(label.width() == model.width && label.height() == model.height && SameSize(label, alpha));
+  MIX_CHECK(label.width() == model.width && label.height() == model.height && SameSize(label, alpha) &&
+            SameSize(label, luma));
   MIX_CHECK(depth_age_s >= 0);
   if (!actor_around_.empty() && actor_around_.size() != half) actor_around_.release();
 
@@ -83,12 +85,11 @@ void Key::Run(const BackgroundModel& model, const HalfPicture& picture, ImageVie
   neighbor_vote_.Run(evidence_, picture, model, tone_, config_.own_weight, &decision_);
   region_filter_.Run(evidence_, config_.regions, &decision_);
   Decide(model);
-  edge_coverage_.Run(picture, model, tone_, half_mask_, &half_alpha_);
-  cv::threshold(half_alpha_, half_mask_, 127, 255, cv::THRESH_BINARY);
+  edge_coverage_.Run(luma, picture, model, tone_, &half_alpha_, &half_mask_, alpha);
   cv::erode(half_mask_, core_, cv::getStructuringElement(cv::MORPH_RECT, {9, 9}));
   actor_colors_.Learn(picture, core_, evidence_);
   cv::dilate(half_mask_, actor_around_, cv::getStructuringElement(cv::MORPH_RECT, {9, 9}));
-  WriteFullSize(label, alpha);
+  WriteLabels(alpha, half_shadow_, label);
 }
 
 void Key::Decide(const BackgroundModel& model) {
@@ -114,11 +115,6 @@ void Key::Decide(const BackgroundModel& model) {
     std::uint8_t* label = half_shadow_.ptr<std::uint8_t>(y);
     for (int x = 0; x < half.width; ++x) label[x] = seen[x] == 0 ? std::uint8_t{kLabelUnknown} : label[x];
   }
-}
-
-void Key::WriteFullSize(ImageView<std::uint8_t> label, ImageView<std::uint8_t> alpha) {
-  EnlargeTwice(half_alpha_, alpha);
-  WriteLabels(alpha, half_shadow_, label);
 }
 
 }  // namespace mixstage

@@ -37,7 +37,8 @@ class Key {
   // Fails with kInvalidConfig where a value is not finite or out of its range.
   static Result<Key> Create(const KeyConfig& config);
 
-  // picture  [Half(h) x Half(w)]  this frame
+  // luma     [h x w]  this frame
+  // picture  [Half(h) x Half(w)]  its colours
   // depth_m  [h x w]  D: z in metres in the distorted colour camera, 0 = unknown; empty = a colour-only frame
   // depth_age_s  >= 0: colour's instant less depth's (what motion compensation has not removed)
   // label    [h x w]  out: values of Label
@@ -45,17 +46,20 @@ class Key {
   // Sizes that differ from the model's are a caller bug (checked). Remembers of earlier frames
   // which colours actors wore, and for the tone change where the last one was. Allocates on a new size only;
   // one thread at a time.
-  void Run(const BackgroundModel& model, const HalfPicture& picture, ImageView<const float> depth_m,
-           float depth_age_s, ImageView<std::uint8_t> label, ImageView<std::uint8_t> alpha);
+  void Run(const BackgroundModel& model, ImageView<const std::uint8_t> luma, const HalfPicture& picture,
+           ImageView<const float> depth_m, float depth_age_s, ImageView<std::uint8_t> label,
+           ImageView<std::uint8_t> alpha);
 
   // Of the last Run, [Half(h) x Half(w)]: 255 actor, 0 else. For the actor's surface.
   [[nodiscard]] const cv::Mat1b& half_mask() const { return half_mask_; }
+  // Of the last Run, [h x w] R, G, B: the actor's own colour, without the room's share of the pixel; known
+  // where 0 < alpha < 255.
+  [[nodiscard]] const cv::Mat3b& foreground() const { return edge_coverage_.foreground(); }
   [[nodiscard]] const ToneChange& tone() const { return tone_; }
 
  private:
   explicit Key(const KeyConfig& config) : config_(config) {}
   void Decide(const BackgroundModel& model);
-  void WriteFullSize(ImageView<std::uint8_t> label, ImageView<std::uint8_t> alpha);
 
   KeyConfig config_;
   ToneChange tone_;

@@ -37,14 +37,15 @@ BENCHMARK(BM_HalfRgb)->Unit(benchmark::kMillisecond);
 
 void BM_Key(benchmark::State& state) {
   Scene s;
+  const auto luma = s.room.Luma();
   for (auto _ : state)
-    s.key.Run(s.model, s.room.picture, s.room.Depth(), 0.04f, View(s.label), View(s.alpha));
+    s.key.Run(s.model, luma, s.room.picture, s.room.Depth(), 0.04f, View(s.label), View(s.alpha));
 }
 BENCHMARK(BM_Key)->Unit(benchmark::kMillisecond);
 
 void BM_ActorSurface(benchmark::State& state) {
   Scene s;
-  s.key.Run(s.model, s.room.picture, s.room.Depth(), 0.04f, View(s.label), View(s.alpha));
+  s.key.Run(s.model, s.room.Luma(), s.room.picture, s.room.Depth(), 0.04f, View(s.label), View(s.alpha));
   ActorSurface surface = ActorSurface::Create({}).value();
   for (auto _ : state) surface.Run(s.key.half_mask(), s.room.Depth(), s.model);
 }

@@ -141,6 +141,24 @@ TEST_F(ZKeyTest, TheActorsSoftEdgeLetsCgThroughByItsRest) {
   EXPECT_EQ(depth_mm_(5, 6), 2000);
 }
 
+TEST_F(ZKeyTest, BeforeCgTheActorsSoftEdgeHasHisOwnColor) {
+  SetActor(1.5f, 128);
+  const cv::Mat3b own(12, 16, cv::Vec3b(0, 0, 255));
+  z_key_.Run({.color = &color_,
+              .alpha = View(std::as_const(alpha_)),
+              .actor_depth_m = View(std::as_const(actor_)),
+              .foreground = &own,
+              .room = &room_,
+              .cg = &cg_},
+             composite_, depth_mm_, cg_alpha_);
+  const SrgbTables& srgb = SrgbTables::Get();
+  const float share = 128.f / 255;
+  const Ycbcr8 truth = RgbToYcbcr({srgb.ToSrgb(1 - share), 0, srgb.ToSrgb(share)});
+  EXPECT_NEAR(composite_.y(5, 6), truth.y, 1);
+  EXPECT_NEAR(composite_.cb(2, 3), truth.cb, 1);
+  EXPECT_EQ(composite_.y(5, 1), 100);  // no CG: the picture as it is
+}
+
 TEST(ZKey, OddSizesAndEveryLayoutAreDrawnToTheLastPixel) {
   for (const auto layout : {ChromaLayout::k444, ChromaLayout::k422, ChromaLayout::k420}) {
     YuvImage color, composite;

@@ -7,11 +7,25 @@
 #include <cstdint>
 #include <opencv2/core.hpp>
 #include <random>
+#include <utility>
 
 #include "proto/base/image_view.h"
 #include "server/segmentation/background_estimator.h"
 
 namespace mixstage {
+
+// Luma at full size, as coarse as the colours.
+inline cv::Mat1b LumaOf(const HalfPicture& picture, int width, int height) {
+  cv::Mat1b luma(height, width);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      luma(y, x) = cv::saturate_cast<std::uint8_t>(0.299f * picture.r(y / 2, x / 2) +
+                                                   0.587f * picture.g(y / 2, x / 2) +
+                                                   0.114f * picture.b(y / 2, x / 2));
+    }
+  }
+  return luma;
+}
 
 class FlatRoom {
  public:
@@ -50,6 +64,10 @@ class FlatRoom {
       part.convertTo(part, -1, factor);
     }
   }
+  [[nodiscard]] ImageView<const std::uint8_t> Luma() {
+    luma = LumaOf(picture, width_, height_);
+    return View(std::as_const(luma));
+  }
   [[nodiscard]] ImageView<const float> Depth() const { return View(depth); }
 
   BackgroundModel Learn(int frames) {
@@ -63,6 +81,7 @@ class FlatRoom {
 
   HalfPicture picture;
   cv::Mat1f depth;
+  cv::Mat1b luma;
 
  private:
   int width_;

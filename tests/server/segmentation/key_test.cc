@@ -18,7 +18,7 @@ class KeyTest : public ::testing::Test {
   void Run(ImageView<const float> depth) {
     label_.create(model_.height, model_.width);
     alpha_.create(model_.height, model_.width);
-    key_.Run(model_, room_.picture, depth, 0, View(label_), View(alpha_));
+    key_.Run(model_, room_.Luma(), room_.picture, depth, 0, View(label_), View(alpha_));
   }
   [[nodiscard]] double Share(cv::Rect where, int label) const {
     cv::Mat same;
@@ -118,9 +118,9 @@ TEST(Key, TakesOddAndSmallSizesAndIsDeterministic) {
     room.Shoot();
     Key key = Key::Create({}).value();
     cv::Mat1b label(size), alpha(size), again(size);
-    key.Run(model, room.picture, room.Depth(), 0.04f, View(label), View(alpha));
+    key.Run(model, room.Luma(), room.picture, room.Depth(), 0.04f, View(label), View(alpha));
     Key second = Key::Create({}).value();
-    second.Run(model, room.picture, room.Depth(), 0.04f, View(label), View(again));
+    second.Run(model, room.Luma(), room.picture, room.Depth(), 0.04f, View(label), View(again));
     EXPECT_EQ(cv::norm(alpha, again, cv::NORM_INF), 0);
     EXPECT_EQ(cv::countNonZero(alpha), 0);
   }

@@ -9,6 +9,7 @@
 #include "server/segmentation/key.h"
 #include "server/segmentation/labels.h"
 #include "server/segmentation/refined_background.h"
+#include "tests/server/segmentation/flat_room.h"
 
 namespace mixstage {
 namespace {
@@ -36,6 +37,7 @@ RoomPrediction SomeRoom() {
 
 struct Show {
   HalfPicture picture;
+  cv::Mat1b luma;
   cv::Mat1f depth_m;
 };
 
@@ -58,6 +60,7 @@ Show Record(const RoomPrediction& room, double sigma, double sigma_m, cv::Rect a
       }
     }
   }
+  show.luma = LumaOf(show.picture, kWidth, kHeight);
   show.depth_m.create(kHeight, kWidth);
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
@@ -97,7 +100,8 @@ TEST(PredictedBackground, KeysTheActorAndSaysUnknownWhereNothingWasObserved) {
   auto key = Key::Create({});
   ASSERT_TRUE(key);
   cv::Mat1b label(kHeight, kWidth), alpha(kHeight, kWidth);
-  key->Run(model, show.picture, View(std::as_const(show.depth_m)), 0, View(label), View(alpha));
+  key->Run(model, View(std::as_const(show.luma)), show.picture, View(std::as_const(show.depth_m)), 0,
+           View(label), View(alpha));
   int wrong = 0;
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
@@ -133,7 +137,8 @@ TEST(RefinedBackground, SeesTheRoomSharperAndAbsorbsNoStandingActor) {
   cv::Mat1b label(kHeight, kWidth), alpha(kHeight, kWidth);
   for (unsigned seed = 0; !refined.complete(); ++seed) {
     const Show show = Record(truth, 1.5, 0.05, stands, seed + 100);
-    key->Run(*predicted, show.picture, View(std::as_const(show.depth_m)), 0, View(label), View(alpha));
+    key->Run(*predicted, View(std::as_const(show.luma)), show.picture, View(std::as_const(show.depth_m)), 0,
+             View(label), View(alpha));
     refined.Add(show.picture, key->tone(), key->half_mask(), View(std::as_const(label)));
   }
   BackgroundModel model;
@@ -147,7 +152,8 @@ TEST(RefinedBackground, SeesTheRoomSharperAndAbsorbsNoStandingActor) {
   // Where he stands the prediction is left as it was.
   EXPECT_EQ(model.mean[0](65, 30), predicted->mean[0](65, 30));
   const Show show = Record(truth, 1.5, 0.05, stands, 7);
-  key->Run(model, show.picture, View(std::as_const(show.depth_m)), 0, View(label), View(alpha));
+  key->Run(model, View(std::as_const(show.luma)), show.picture, View(std::as_const(show.depth_m)), 0,
+           View(label), View(alpha));
   EXPECT_EQ(label(130, 60), kLabelActor);
 }
 
