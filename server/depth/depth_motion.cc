@@ -13,6 +13,8 @@
 namespace mixstage {
 namespace {
 
+// The room within its noise.
+constexpr float kRoomSigmas = 3;
 constexpr int kFactor = 4;          // of the finest level: below a depth camera's own grid
 constexpr std::size_t kLevels = 3;  // quarter, eighth, sixteenth
 constexpr std::size_t kRemembered = 8;
@@ -69,6 +71,19 @@ int SampleDifference(const cv::Mat1b& now, const cv::Mat1b& then, int x, int y, 
 cv::Rect Grown(const cv::Rect& box, int margin, cv::Size within) {
   return cv::Rect(box.x - margin, box.y - margin, box.width + 2 * margin, box.height + 2 * margin) &
          cv::Rect({0, 0}, within);
+}
+
+// Depth that would come from (at + by, pixels) to sample `at` is the room's there and not the room's here.
+bool IsMovedRoom(const StandingRoom& room, ImageView<const float> D, cv::Point at, cv::Point by) {
+  if (room.depth_m.empty()) return false;
+  const int u = std::clamp(kFactor * at.x + 1 + by.x, 0, D.width() - 1);
+  const int v = std::clamp(kFactor * at.y + 1 + by.y, 0, D.height() - 1);
+  const float z = D.row(v)[u];
+  const float there = room.depth_m.row(v / kFactor)[u / kFactor];
+  const float here = room.depth_m.row(at.y)[at.x];
+  if (!(z > 0 && there > 0 && here > 0)) return false;
+  const bool was_room = z > there - kRoomSigmas * room.sigma_m.row(v / kFactor)[u / kFactor];
+  return was_room && std::abs(z - here) > kRoomSigmas * room.sigma_m.row(at.y)[at.x];
 }
 
 }  // namespace
@@ -156,7 +171,7 @@ void DepthMotion::Search(const Picture& now, const Picture& then, std::size_t le
 }
 
 void DepthMotion::MoveSamples(const Picture& now, const Picture& then, cv::Rect box, double share,
-                              ImageView<const float> D, cv::Mat1f* moved) const {
+                              ImageView<const float> D, const StandingRoom& room, cv::Mat1f* moved) const {
   const cv::Mat1b& a = now.levels[0];
   const cv::Mat1b& b = then.levels[0];
   const Field& field = fields_[0];
@@ -179,10 +194,11 @@ void DepthMotion::MoveSamples(const Picture& now, const Picture& then, cv::Rect 
       if (best.x == 0 && best.y == 0 && least <= kUnlike) continue;
       const int dx = static_cast<int>(std::lround(kFactor * best.x * share));
       const int dy = static_cast<int>(std::lround(kFactor * best.y * share));
+      const bool lost = least > kUnlike || IsMovedRoom(room, D, {x, y}, {dx, dy});
       const int left = kFactor * x, right = std::min(left + kFactor, D.width());
       for (int v = kFactor * y; v < std::min(kFactor * y + kFactor, D.height()); ++v) {
         float* out = moved->ptr<float>(v);
-        if (least > kUnlike || v + dy < 0 || v + dy >= D.height()) {
+        if (lost || v + dy < 0 || v + dy >= D.height()) {
           std::fill(out + left, out + right, 0.0f);
           continue;
         }
@@ -193,11 +209,15 @@ void DepthMotion::MoveSamples(const Picture& now, const Picture& then, cv::Rect 
   }
 }
 
-double DepthMotion::Run(ImageView<const float> D, std::int64_t depth_us, cv::Mat1f* moved) {
+double DepthMotion::Run(ImageView<const float> D, std::int64_t depth_us, const StandingRoom& room,
+                        cv::Mat1f* moved) {
   MIX_CHECK(moved != nullptr && seen_ > 0 && !D.empty());
   const Picture& now = pictures_[last_];
   MIX_CHECK((D.width() + kFactor - 1) / kFactor == now.levels[0].cols &&
             (D.height() + kFactor - 1) / kFactor == now.levels[0].rows);
+  MIX_CHECK(room.depth_m.empty() ||
+            (room.depth_m.width() == now.levels[0].cols && room.depth_m.height() == now.levels[0].rows &&
+             SameSize(room.depth_m, room.sigma_m)));
   moved->create(D.height(), D.width());
   for (int y = 0; y < D.height(); ++y)
     std::memcpy(moved->ptr<float>(y), D.row(y), static_cast<std::size_t>(D.width()) * sizeof(float));
@@ -222,7 +242,7 @@ double DepthMotion::Run(ImageView<const float> D, std::int64_t depth_us, cv::Mat
     Search(now, then, level, Grown(box, kMargin >> level, now.levels[level].size()));
   }
   const double share = static_cast<double>(age_us) / static_cast<double>(between_us);
-  MoveSamples(now, then, Grown(changed, 1, now.levels[0].size()), share, D, moved);
+  MoveSamples(now, then, Grown(changed, 1, now.levels[0].size()), share, D, room, moved);
   return age_left_s;
 }
 

@@ -14,6 +14,13 @@
 
 namespace mixstage {
 
+// The room without actors in the picture's view, a sample in 4x4 pixels: [(h+3)/4 x (w+3)/4]; empty = not
+// known.
+struct StandingRoom {
+  ImageView<const float> depth_m;  // z, 0 = not known
+  ImageView<const float> sigma_m;  // of one measurement of it
+};
+
 class DepthMotion {
  public:
   // One colour picture after the other: luma [h x w] and its instant. Sizes and steps back in time start
@@ -22,10 +29,11 @@ class DepthMotion {
 
   // D [h x w]: z in metres in the colour camera as measured at depth_us, 0 = unknown. moved, same size, out:
   // D at the instant of the last picture seen; unknown where the pictures do not tell where a surface came
-  // from. Returns the age in seconds >= 0 that is left to moved: a share of D's, since vectors err too; all
-  // of it where depth_us lies before the pictures remembered (0.25 s), and then moved is D. Allocates on a
-  // new size only.
-  double Run(ImageView<const float> D, std::int64_t depth_us, cv::Mat1f* moved);
+  // from, or where the room would have moved: what was hidden resembles some other place of the floor.
+  // Returns the age in seconds >= 0 that is left to moved: a share of D's, since vectors err too; all of it
+  // where depth_us lies before the pictures remembered (0.25 s), and then moved is D. Allocates on a new size
+  // only.
+  double Run(ImageView<const float> D, std::int64_t depth_us, const StandingRoom& room, cv::Mat1f* moved);
 
  private:
   struct Vector {
@@ -43,7 +51,7 @@ class DepthMotion {
   [[nodiscard]] const Picture* PictureAt(std::int64_t us) const;
   void Search(const Picture& now, const Picture& then, std::size_t level, cv::Rect box);
   void MoveSamples(const Picture& now, const Picture& then, cv::Rect box, double share,
-                   ImageView<const float> D, cv::Mat1f* moved) const;
+                   ImageView<const float> D, const StandingRoom& room, cv::Mat1f* moved) const;
 
   std::vector<Picture> pictures_;  // a ring: next_ is the oldest
   std::size_t next_ = 0, last_ = 0;

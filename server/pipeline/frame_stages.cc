@@ -44,9 +44,9 @@ constexpr std::array kStages = {
     Stage{{"place_camera", 0.5, "frame", "T_world_color              MixIn3D 2.3, 2.5"},
           &FrameStages::PlaceCamera},
     Stage{{"warp_depth", 1.0, "frame", "D in the colour camera     MixIn3D 2.2"}, &FrameStages::WarpDepth},
-    Stage{{"move_depth", 1.5, "frame", "D at the picture's instant  MixIn3D 3.1"}, &FrameStages::MoveDepth},
     Stage{{"predict_room", 0.5, "frame", "D_M and colour of the scan  MixIn3D 2.3"},
           &FrameStages::PredictRoom},
+    Stage{{"move_depth", 1.5, "frame", "D at the picture's instant  MixIn3D 3.1"}, &FrameStages::MoveDepth},
     Stage{{"learn_room", 0.5, "frame", "D_M, I_m, I_sigma          piVE eq 1-2"}, &FrameStages::LearnRoom},
     Stage{{"key_actor", 3.0, "frame", "actor, shadow              MixIn3D eq 1, piVE eq 3-8"},
           &FrameStages::KeyActor},
@@ -361,7 +361,10 @@ void FrameStages::MoveDepth(Studio& s, Frame& f) {
   if (!s.depth_warp_) return;
   s.depth_motion_.See(captured.color.y, captured.capture_us);
   if (f.D.empty()) return;
-  f.depth_age_s = s.depth_motion_.Run(View(std::as_const(f.D)), captured.depth->capture_us, &s.moved_D_);
+  StandingRoom room;
+  if (s.room_ && s.room_->has_depth()) room = {View(s.room_->room_depth_m), View(s.room_->sigma_m)};
+  f.depth_age_s =
+      s.depth_motion_.Run(View(std::as_const(f.D)), captured.depth->capture_us, room, &s.moved_D_);
   f.D = s.moved_D_;
 }
 
