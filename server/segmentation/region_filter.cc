@@ -11,6 +11,9 @@
 namespace mixstage {
 namespace {
 
+// Of an actor who enters, the picture's border shows a strip.
+constexpr float kOfOneWhoEnters = 0.1f;
+
 static_assert(kNoEvidence == 128, "EndOfStretch compares eight bytes at once with 128");
 
 // Top bit of each byte: whether it is above 128.
@@ -102,7 +105,7 @@ void RegionFilter::Run(const cv::Mat1b& evidence, const RegionConfig& config, cv
   for (const Stretch& s : stretches_) {
     const Region& region = regions_[static_cast<std::size_t>(Find(s.region))];
     const auto area = static_cast<float>(region.area);
-    const bool drop = region.actor && region.evidence < least;
+    const bool drop = region.actor && region.evidence < (region.border ? kOfOneWhoEnters * least : least);
     // A small hole is filled unless its pixels clearly show the room.
     const float doubt = area < 0.1f * largest_hole ? 2.0f : 1.0f;
     const bool fill =

@@ -111,6 +111,13 @@ TEST_F(KeyTest, SpecksAreDroppedAndHolesFilled) {
   EXPECT_GT(Share(kActor, kLabelActor), 0.99);
 }
 
+TEST_F(KeyTest, AnActorWhoEntersIsSeenAtTheFirstStrip) {
+  room_.PaintColor({508, 200, 4, 16}, 20, 30, 160);
+  Run({});
+  EXPECT_GT(Share({508, 202, 4, 12}, kLabelActor), 0.9);
+  EXPECT_LT(cv::countNonZero(label_), 100);
+}
+
 TEST(Key, TakesOddAndSmallSizesAndIsDeterministic) {
   for (const cv::Size size : {cv::Size(16, 16), cv::Size(101, 77), cv::Size(323, 241), cv::Size(258, 130)}) {
     FlatRoom room(size.width, size.height, 3.0f);
