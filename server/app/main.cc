@@ -290,8 +290,9 @@ int main(int argc, char** argv) {
   process_command->add_option("--scene", process.scene, "scene.yaml: virtual objects");
   process_command->add_option("--poses", process.poses, "camera poses, TUM lines of T_world_color");
   process_command
-      ->add_option("--export", process.exports,
-                   "list out of composite,depth,alpha,label,cg_alpha,predicted,mesh,pose,events,report")
+      ->add_option(
+          "--export", process.exports,
+          "list out of composite,depth,alpha,label,cg_alpha,lightmap,predicted,mesh,pose,events,report")
       ->capture_default_str();
   process_command->add_option("--mesh-format", process.mesh_format, "of the export mesh: drc, ply or glb")
       ->capture_default_str();

@@ -33,7 +33,8 @@ Result<OpenedEnvironment> OpenEnvironment(const std::filesystem::path& folder) {
                            .depth_sigma_m = static_cast<float>(opened.environment.depth_sigma_m)},
                  .surface_positions = std::move(surface_positions),
                  .surface_indices = std::move(surface_indices),
-                 .planes = opened.environment.planes};
+                 .planes = opened.environment.planes,
+                 .lamps = opened.environment.lamps};
   return opened;
 }
 

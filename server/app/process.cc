@@ -17,6 +17,7 @@
 #include "proto/base/version.h"
 #include "server/app/learn_take.h"
 #include "server/app/open_environment.h"
+#include "server/composite/relight.h"
 #include "server/ingest/take_ingest.h"
 #include "server/pipeline/broadcast.h"
 #include "server/pipeline/frame_stages.h"
@@ -29,12 +30,13 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-constexpr std::array<std::pair<std::string_view, Export>, 10> kExportNames = {
+constexpr std::array<std::pair<std::string_view, Export>, 11> kExportNames = {
     {{"composite", Export::kComposite},
      {"depth", Export::kDepth},
      {"alpha", Export::kAlpha},
      {"label", Export::kLabel},
      {"cg_alpha", Export::kCgAlpha},
+     {"lightmap", Export::kLightMap},
      {"predicted", Export::kPredicted},
      {"mesh", Export::kMesh},
      {"pose", Export::kPose},
@@ -98,6 +100,13 @@ class Exporter {
     }
     if (exports_.contains(Export::kCgAlpha)) {
       if (auto ok = Save("cg_alpha", file, frame.cg_alpha); !ok) return ok;
+    }
+    if (exports_.contains(Export::kLightMap)) {
+      const cv::Mat3b map =
+          frame.light_map != nullptr
+              ? LightMapPicture(*frame.light_map, View(std::as_const(frame.alpha)), frame.alpha.size())
+              : cv::Mat3b(frame.alpha.size(), cv::Vec3b::all(255));
+      if (auto ok = Save("lightmap", file, map); !ok) return ok;
     }
     if (room != nullptr && exports_.contains(Export::kPredicted)) {
       cv::Mat1w depth_mm;

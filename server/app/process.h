@@ -19,6 +19,7 @@ enum class Export {
   kAlpha,
   kLabel,
   kCgAlpha,
+  kLightMap,
   kPredicted,
   kMesh,
   kPose,

@@ -197,6 +197,7 @@ Status RunShow(const StudioConfig& config) {
   if (studio->scene()) {
     director.emplace(
         Director::Setup{.scene = *studio->scene(),
+                        .default_light = studio->DefaultLights(),
                         .file = config.scene,
                         .color = studio->rig().color,
                         .edits = gateway_config.edits,

@@ -12,7 +12,6 @@
 
 #include "proto/base/clock.h"
 #include "proto/base/log.h"
-#include "server/render/illumination.h"
 #include "server/scene/scene_write.h"
 
 namespace mixstage {
@@ -25,16 +24,6 @@ constexpr std::int64_t kPublishSpacingUs = 50'000;  // a drag is seen by others 
 constexpr std::int64_t kFollowSpacingUs = 100'000;
 constexpr std::int64_t kListSpacingUs = 2'000'000;
 constexpr std::size_t kMostWaitingAdds = 16;
-
-// What a scene without lights is drawn by (IlluminationOf).
-DefaultLight DefaultLightOf(SceneFrame frame) {
-  Scene unlit;
-  unlit.frame = frame;
-  const Illumination light = IlluminationOf(unlit);
-  DefaultLight usual{light.lights.front(), {light.ambient_above.x(), light.ambient_below.x()}};
-  usual.light.id = 1;
-  return usual;
-}
 
 bool IsModel(const fs::path& file) {
   std::string extension = file.extension().string();
@@ -63,7 +52,7 @@ Director::Director(Setup setup, Gateway& gateway)
       edits_(std::move(setup.edits)),
       load_(std::move(setup.load)),
       gateway_(gateway),
-      editor_(setup.scene, DefaultLightOf(setup.scene.frame)),
+      editor_(setup.scene, std::move(setup.default_light)),
       probe_(setup.color) {
   for (const SceneObject& object : editor_.scene()->objects) {
     Remember(object.file, {object.mesh, object.usual_up});

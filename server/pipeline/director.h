@@ -31,6 +31,7 @@ class Director {
  public:
   struct Setup {
     Scene scene;                 // with ids
+    DefaultLight default_light;  // Studio::DefaultLights
     std::filesystem::path file;  // scene.yaml; models lie beside it. It need not exist yet
     PinholeCamera color;
     std::shared_ptr<EditQueue> edits;  // the gateway's

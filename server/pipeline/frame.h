@@ -10,6 +10,7 @@
 #include "server/ingest/captured_frame.h"
 #include "server/physics/physics_event.h"
 #include "server/render/cg_renderer.h"
+#include "server/render/light_map.h"
 
 namespace mixstage {
 
@@ -28,11 +29,12 @@ struct Frame {
   cv::Mat1b alpha;          // key_actor: coverage of the actor, linear
   cv::Mat1f actor_depth_m;  // actor_surface: z of the actor, half size, 0 = not known; the worker's, until
                             // its next frame
-  std::vector<PhysicsEvent> events;  // step_physics
-  const CgLayer* cg = nullptr;       // render_scene: null = no CG; the renderer's, until its next frame
-  YuvImage composite;                // z_key
-  cv::Mat1w depth_mm;                // z_key: z of what the composite shows, mm, 0 = unknown
-  cv::Mat1b cg_alpha;                // z_key: visible coverage of CG
+  std::vector<PhysicsEvent> events;     // step_physics
+  const CgLayer* cg = nullptr;          // render_scene: null = no CG; the renderer's, until its next frame
+  const LightMap* light_map = nullptr;  // light_map: null = no CG; the mapper's, until its next frame
+  YuvImage composite;                   // z_key
+  cv::Mat1w depth_mm;                   // z_key: z of what the composite shows, mm, 0 = unknown
+  cv::Mat1b cg_alpha;                   // z_key: visible coverage of CG
 
   std::int64_t encoded_us = 0;  // encode: server clock when the encoders were done
 };

@@ -13,6 +13,7 @@
 
 #include "proto/base/check.h"
 #include "proto/base/log.h"
+#include "server/composite/relight.h"
 #include "server/segmentation/room_mesh.h"
 
 namespace mixstage {
@@ -29,6 +30,7 @@ struct FrameStages {
   static void ShapeActor(Studio& s, Frame& f);
   static void StepPhysics(Studio& s, Frame& f);
   static void RenderScene(Studio& s, Frame& f);
+  static void ShadeLightMap(Studio& s, Frame& f);
   static void CompositeZ(Studio& s, Frame& f);
 };
 
@@ -55,6 +57,7 @@ constexpr std::array kStages = {
     Stage{{"step_physics", 1.0, "frame", "T_scene_object             MixIn3D 3.1, piVE 4"},
           &FrameStages::StepPhysics},
     Stage{{"render_scene", 8.0, "frame", "virtual colour, depth      piVE 4"}, &FrameStages::RenderScene},
+    Stage{{"light_map", 6.0, "frame", "shadows, s in 0..1         MixIn3D 3.2"}, &FrameStages::ShadeLightMap},
     Stage{{"z_key", 6.0, "frame", "composed colour, depth     MixIn3D 3.1, piVE 5"},
           &FrameStages::CompositeZ},
     Stage{{"encode_color", 4.0, "encode", "H.264"}, nullptr},
@@ -119,6 +122,11 @@ Result<Studio> Studio::Create(StudioSetup setup) {
           "the environment is in the world's frame, but nothing says where the camera is: its rig has no "
           "\"ptu\"; give --poses");
     }
+    if (studio.scene_) {
+      studio.room_radiance_.emplace(scanned->model, scanned->lamps);
+      studio.light_mapper_.emplace(rig.color);
+      if (studio.scene_->frame == SceneFrame::kWorld) studio.light_mapper_->SetRoom(scanned->model);
+    }
     auto view = RoomView::Create(rig, std::move(scanned->model), studio.device_);
     if (!view) return tl::unexpected(view.error());
     studio.room_view_.emplace(std::move(*view));
@@ -143,13 +151,23 @@ Result<Studio> Studio::Create(StudioSetup setup) {
     auto renderer = CgRenderer::Create({}, rig.color, studio.device_);
     if (!renderer) return tl::unexpected(renderer.error());
     studio.renderer_.emplace(std::move(*renderer));
-    studio.illumination_ = IlluminationOf(*studio.scene_);
+    if (!studio.light_mapper_) studio.light_mapper_.emplace(rig.color);
+    studio.illumination_ = IlluminationOf(*studio.scene_, studio.RoomRadianceOrNull());
     // A scanned room is known now: its surface is prepared before the show, not at the first drop.
     if (studio.room_view_ && studio.scene_->frame == SceneFrame::kWorld) {
       studio.StartPhysics(RigidTransform::Identity(), RigidTransform::Identity());
     }
   }
   return studio;
+}
+
+DefaultLight Studio::DefaultLights() const {
+  const SceneFrame frame = scene_ ? scene_->frame : SceneFrame::kWorld;
+  if (frame == SceneFrame::kWorld && room_radiance_ && !room_radiance_->lamps().empty())
+    return {room_radiance_->lamps(), std::nullopt};
+  UsualLight usual = UsualLightOf(frame);
+  usual.key.id = 1;
+  return {{std::move(usual.key)}, usual.ambient};
 }
 
 void Studio::Run(Frame& frame, StageTimes& times) {
@@ -191,7 +209,7 @@ void Studio::SetScene(std::shared_ptr<const Scene> scene) {
   scene_ = std::move(scene);
   posed_ = *scene_;
   if (physics_) physics_->SetScene(*scene_);
-  illumination_ = IlluminationOf(*scene_);
+  illumination_ = IlluminationOf(*scene_, RoomRadianceOrNull());
 }
 
 std::vector<MovedObject> Studio::TakeMoved() {
@@ -441,8 +459,23 @@ void FrameStages::RenderScene(Studio& s, Frame& f) {
   f.cg = &s.renderer_->Run(s.posed_, T_camera_scene, s.illumination_);
 }
 
+void FrameStages::ShadeLightMap(Studio& s, Frame& f) {
+  f.light_map = nullptr;
+  if (f.cg == nullptr) return;
+  f.light_map = &s.light_mapper_->Run({.scene = &s.posed_,
+                                       .T_scene_color = s.TSceneColor(f),
+                                       .light = &s.illumination_,
+                                       .cg = f.cg,
+                                       .room_revision = s.room_depth_ ? s.room_depth_->revision : 0,
+                                       .room_depth_m = s.room_depth_ ? s.room_depth_->depth_m : cv::Mat1f(),
+                                       .actor_depth_m = View(std::as_const(f.actor_depth_m))});
+  RelightPicture(*f.light_map, View(std::as_const(f.alpha)), f.captured->color, s.lit_color_);
+  if (s.lit_layer_.drawing != f.light_map->cg_revision) RelightLayer(*f.light_map, *f.cg, s.lit_layer_);
+  f.cg = &s.lit_layer_;
+}
+
 void FrameStages::CompositeZ(Studio& s, Frame& f) {
-  s.z_key_.Run({.color = &f.captured->color,
+  s.z_key_.Run({.color = f.light_map != nullptr ? &s.lit_color_ : &f.captured->color,
                 .alpha = View(std::as_const(f.alpha)),
                 .actor_depth_m = View(std::as_const(f.actor_depth_m)),
                 .foreground = f.keyed ? &s.key_->foreground() : nullptr,

@@ -19,7 +19,10 @@
 #include "server/pipeline/stage_times.h"
 #include "server/raster/render_device.h"
 #include "server/render/cg_renderer.h"
+#include "server/render/light_map.h"
+#include "server/render/room_radiance.h"
 #include "server/render/room_view.h"
+#include "server/scene/edit_change.h"
 #include "server/scene/scene.h"
 #include "server/segmentation/actor_surface.h"
 #include "server/segmentation/key.h"
@@ -37,6 +40,7 @@ struct ScannedRoom {
   std::vector<Eigen::Vector3f> surface_positions{};
   std::vector<std::uint32_t> surface_indices{};
   std::vector<RoomPlane> planes{};
+  std::vector<RoomLamp> lamps{};
 };
 
 struct StudioSetup {
@@ -80,6 +84,8 @@ class Studio {
   [[nodiscard]] const std::shared_ptr<const Scene>& scene() const { return scene_; }
   // Objects that physics has moved since the last call, where they are now.
   [[nodiscard]] std::vector<MovedObject> TakeMoved();
+  // What a scene without lights is drawn by.
+  [[nodiscard]] DefaultLight DefaultLights() const;
   // D of a captured frame: for learning from a clean plate. Empty when the frame has no usable depth.
   cv::Mat1f WarpDepth(const CapturedFrame& captured);
 
@@ -102,6 +108,9 @@ class Studio {
   void StartPhysics(const RigidTransform& T_scene_color, const RigidTransform& T_scene_world);
   void ShowRoomToPhysics(const RigidTransform& T_scene_color, const RigidTransform& T_scene_world);
   [[nodiscard]] std::shared_ptr<BackgroundModel> UnusedModel();
+  [[nodiscard]] const RoomRadiance* RoomRadianceOrNull() const {
+    return room_radiance_ ? &*room_radiance_ : nullptr;
+  }
 
   Rig rig_;
   std::shared_ptr<const Scene> scene_;  // null = no CG
@@ -151,8 +160,13 @@ class Studio {
   std::vector<RoomPlane> planes_;
   // render_scene, z_key
   std::optional<CgRenderer> renderer_;
+  std::optional<RoomRadiance> room_radiance_;  // of the scanned room
   Illumination illumination_;
   ZKey z_key_;
+  // light_map
+  std::optional<LightMapper> light_mapper_;
+  CgLayer lit_layer_;
+  YuvImage lit_color_;
 };
 
 }  // namespace mixstage

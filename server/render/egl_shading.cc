@@ -86,6 +86,7 @@ Result<EglShading::Objects> EglShading::Make(const gl::Current& current) const {
                   buffer(GL_RGBA32UI),
                   buffer(GL_RGBA16),
                   buffer(GL_RGBA32F),
+                  buffer(GL_RGBA32F),
                   {},
                   {},
                   {},
@@ -140,7 +141,7 @@ Status EglShading::Shade(const gl::Current& current, const CameraScene& scene,
       !ok)
     return ok;
 
-  const std::array<std::pair<const char*, const gl::BufferTexture*>, 8> buffers = {
+  const std::array<std::pair<const char*, const gl::BufferTexture*>, 9> buffers = {
       {{"vertices", &o->vertices},
        {"triangles", &o->triangles},
        {"keys", &o->keys},
@@ -148,7 +149,8 @@ Status EglShading::Shade(const gl::Current& current, const CameraScene& scene,
        {"colors", &o->colors},
        {"levels", &o->levels},
        {"texels", &o->texels},
-       {"lights", &o->lights}}};
+       {"lights", &o->lights},
+       {"ambient_terms", &o->ambient}}};
   const gl::Program& shade = o->shade;
   for (std::size_t i = 0; i < buffers.size(); ++i) {
     shade.Set(current, buffers[i].first, static_cast<int>(i) + 2);
@@ -163,9 +165,6 @@ Status EglShading::Shade(const gl::Current& current, const CameraScene& scene,
             kSampleScale * (bounds.y - region.y));
   shade.Set(current, "pixel_rad", pixel_rad_);
   shade.Set(current, "light_count", static_cast<int>(light.lights.size()));
-  shade.Set3(current, "up", light.up.data());
-  shade.Set3(current, "ambient_above", light.ambient_above.data());
-  shade.Set3(current, "ambient_below", light.ambient_below.data());
 
   o->targets->framebuffer.Bind(current, bounds.width, bounds.height);
   current->Disable(GL_BLEND);
@@ -294,6 +293,12 @@ Status EglShading::SendLights(const gl::Current& current, const CameraIlluminati
     std::copy_n(lamp.strength.data(), 3, record.strength.begin());
     records.push_back(record);
   }
+  std::array<std::array<float, 4>, AmbientLight::kTerms> ambient{};
+  for (std::size_t i = 0; i < ambient.size(); ++i) {
+    for (std::size_t c = 0; c < 3; ++c) ambient[i][c] = light.ambient.terms[c][i];
+  }
+  if (auto ok = o.ambient.Write(current, std::span<const std::array<float, 4>>(ambient), ambient.size()); !ok)
+    return ok;
   return o.lights.Write(current, std::span<const LightRecord>(records), 3 * records.size());
 }
 

@@ -46,7 +46,7 @@ class EglShading {
     gl::Program shade;
     gl::VertexArray vertex_array;
     gl::Texture rays;
-    gl::BufferTexture vertices, triangles, keys, surfaces, colors, levels, texels, lights;
+    gl::BufferTexture vertices, triangles, keys, surfaces, colors, levels, texels, lights, ambient;
     gl::ReadBack color, depth_m, object_id;
     std::optional<Targets> targets;
     Models models;

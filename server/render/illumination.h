@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The light that CG objects are shaded by: a few lamps and a sky-and-floor ambient (piVE section 4). Levels
+// The light that CG objects are shaded by: lamps and what comes from everywhere (piVE section 4). Levels
 // are those of scene/scene.h: 1.0 = the picture's white, in linear light; a matt white surface shows
 // irradiance / pi.
 #pragma once
@@ -8,20 +8,27 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "server/render/ambient_light.h"
+#include "server/render/room_radiance.h"
 #include "server/scene/scene.h"
 
 namespace mixstage {
 
 struct Illumination {
-  std::vector<Light> lights;                                // scene frame
-  Eigen::Vector3d up = Eigen::Vector3d::UnitZ();            // scene frame, unit
-  Eigen::Vector3f ambient_above = Eigen::Vector3f::Zero();  // irradiance / pi on a surface that faces up
-  Eigen::Vector3f ambient_below = Eigen::Vector3f::Zero();  // ... that faces down
+  std::vector<Light> lights;  // scene frame
+  AmbientLight ambient;       // scene frame
 };
 
-// The scene's lights with an ambient for what the room scatters; a scene without lights gets a soft key light
-// from above, left and in front (world scenes: as seen along the x axis).
-[[nodiscard]] Illumination IlluminationOf(const Scene& scene);
+// The scene's lights, else those of the room (null: none was scanned), else a soft key light from above, left
+// and in front (world scenes: as seen along the x axis). Ambient: the scene's, else what the room shines onto
+// the middle of the objects' places, else what rooms usually scatter.
+[[nodiscard]] Illumination IlluminationOf(const Scene& scene, const RoomRadiance* room);
+// The key light and the ambient of a scene that has neither lights nor a scanned room.
+struct UsualLight {
+  Light key;
+  Ambient ambient;
+};
+[[nodiscard]] UsualLight UsualLightOf(SceneFrame frame);
 
 [[nodiscard]] bool SameLight(const Illumination& a, const Illumination& b);
 

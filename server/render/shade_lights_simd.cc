@@ -74,6 +74,16 @@ HWY_INLINE void AddLamp(const CameraLight& lamp, const Surface& s, Sums& sums) {
                    hn::MulAdd(mirrored, strength.z, sums.specular.z)};
 }
 
+// x (t1 + t4 x + t7 y + t8 z) + y (t2 + t5 y + t9 z) + z (t3 + t6 z) + t0
+HWY_INLINE V AmbientOf(const std::array<float, AmbientLight::kTerms>& t, const V3& n) {
+  const D d;
+  auto term = [&](std::size_t i) { return hn::Set(d, t[i]); };
+  const V of_x = hn::MulAdd(n.x, term(4), hn::MulAdd(n.y, term(7), hn::MulAdd(n.z, term(8), term(1))));
+  const V of_y = hn::MulAdd(n.y, term(5), hn::MulAdd(n.z, term(9), term(2)));
+  const V of_z = hn::MulAdd(n.z, term(6), term(3));
+  return hn::Max(hn::Zero(d), hn::MulAdd(n.x, of_x, hn::MulAdd(n.y, of_y, hn::MulAdd(n.z, of_z, term(0)))));
+}
+
 void ShadeLightsVector(const CameraIllumination& light, std::size_t count, FragmentRows& rows) {
   using enum FragmentRows::Row;
   const D d;
@@ -83,7 +93,6 @@ void ShadeLightsVector(const CameraIllumination& light, std::size_t count, Fragm
     hn::StoreU(v.y, d, rows.row(static_cast<FragmentRows::Row>(first + 1)) + i);
     hn::StoreU(v.z, d, rows.row(static_cast<FragmentRows::Row>(first + 2)) + i);
   };
-  const V half = hn::Set(d, 0.5f);
   for (std::size_t i = 0; i < count; i += hn::Lanes(d)) {
     Surface s;
     s.p = {load(kX, i), load(kY, i), load(kZ, i)};
@@ -92,11 +101,8 @@ void ShadeLightsVector(const CameraIllumination& light, std::size_t count, Fragm
     s.view = Times(s.p, hn::Neg(InverseLength(s.p)));
     s.shininess = load(kShininess, i);
     s.specular_gain = hn::Mul(hn::Set(d, 0.125f), hn::Add(s.shininess, hn::Set(d, 8.0f)));
-    const V sky = hn::MulAdd(half, Dot(s.n, Broadcast(light.up)), half);
-    const V3 below = Broadcast(light.ambient_below);
-    const V3 step = Broadcast(light.ambient_above - light.ambient_below);
-    const V3 ambient = {hn::MulAdd(sky, step.x, below.x), hn::MulAdd(sky, step.y, below.y),
-                        hn::MulAdd(sky, step.z, below.z)};
+    const V3 ambient = {AmbientOf(light.ambient.terms[0], s.n), AmbientOf(light.ambient.terms[1], s.n),
+                        AmbientOf(light.ambient.terms[2], s.n)};
     Sums sums{ambient, ambient};
     for (const CameraLight& lamp : light.lights) AddLamp(lamp, s, sums);
     store(s.n, kNx, i);

@@ -199,8 +199,9 @@ struct Change {
   }
 
   Status operator()(const ChangeLight& change) const {
-    if (scene.lights.empty() && change.light == context.default_light.light.id) {
-      scene.lights.push_back(context.default_light.light);
+    if (scene.lights.empty() &&
+        std::ranges::count(context.default_light.lights, change.light, &Light::id) > 0) {
+      scene.lights = context.default_light.lights;
       if (!scene.ambient) scene.ambient = context.default_light.ambient;
     }
     const auto light = std::ranges::find(scene.lights, change.light, &Light::id);

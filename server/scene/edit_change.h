@@ -24,11 +24,11 @@ struct AddedModel {
   UpAxis up = UpAxis::kY;
 };
 
-// The light of a scene that names none, shown and edited like any other; the first change writes it into the
-// scene.
+// The lights of a scene that names none, shown and edited like any other; the first change writes them into
+// the scene.
 struct DefaultLight {
-  Light light;
-  Ambient ambient;
+  std::vector<Light> lights;
+  std::optional<Ambient> ambient;
 };
 
 // What an op reads beside the scene, and what the editor keeps for it from one edit to the next.

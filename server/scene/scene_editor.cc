@@ -172,8 +172,7 @@ WatchScene SceneEditor::Message() {
     out.hidden = object.hidden;
     message.objects.push_back(std::move(out));
   }
-  const std::vector<Light> usual = {default_light_.light};
-  for (const Light& light : scene.lights.empty() ? usual : scene.lights) {
+  for (const Light& light : scene.lights.empty() ? default_light_.lights : scene.lights) {
     message.lights.push_back({.id = light.id,
                               .name = light.name,
                               .kind = KindName(light),

@@ -76,7 +76,7 @@ void RedrawBall(benchmark::State& state, RendererChoice choice) {
   if (!device) return state.SkipWithError(device.error().message.c_str());
   auto renderer = CgRenderer::Create({}, Camera(), *device);
   MIX_CHECK(renderer.has_value());
-  const Illumination light = IlluminationOf(scene);
+  const Illumination light = IlluminationOf(scene, nullptr);
   double visibility_ms = 0;
   double shading_ms = 0;
   double covered = 0;
@@ -104,7 +104,7 @@ void SceneAtRest(benchmark::State& state) {
   const Scene scene = BallScene();
   auto renderer = CgRenderer::Create({}, Camera());
   MIX_CHECK(renderer.has_value());
-  const Illumination light = IlluminationOf(scene);
+  const Illumination light = IlluminationOf(scene, nullptr);
   for (auto unused : state) {
     benchmark::DoNotOptimize(renderer->Run(scene, RigidTransform::Identity(), light).drawing);
   }

@@ -16,9 +16,7 @@ uniform usamplerBuffer levels;     // first texel, stride, width, height
 uniform samplerBuffer texels;      // all textures' levels with their borders, linear light
 uniform samplerBuffer lights;      // EglShading::LightRecord: three a lamp
 uniform int light_count;
-uniform vec3 up;
-uniform vec3 ambient_above;
-uniform vec3 ambient_below;
+uniform samplerBuffer ambient_terms;  // AmbientLight's: a texel a term
 
 layout(location = 0) out vec4 layer_color;
 layout(location = 1) out float layer_depth_m;
@@ -106,6 +104,8 @@ vec4 Sample(Surface surface, vec2 uv, float texels_a_tap) {
   return color;
 }
 
+vec3 AmbientTerm(int i) { return texelFetch(ambient_terms, i).rgb; }
+
 float SaneStep(float along) { return abs(along) <= kLongestStep ? along : 0.0; }
 
 void Shade(int id, vec2 ray_xy, float share, out vec4 rgba, out float z, out uint object_id) {
@@ -177,7 +177,10 @@ void Shade(int id, vec2 ray_xy, float share, out vec4 rgba, out float z, out uin
 
   // ShadeLights.
   vec3 view = -normalize(p);
-  vec3 ambient = ambient_below + (0.5 + 0.5 * dot(n, up)) * (ambient_above - ambient_below);
+  vec3 of_x = AmbientTerm(1) + n.x * AmbientTerm(4) + n.y * AmbientTerm(7) + n.z * AmbientTerm(8);
+  vec3 of_y = AmbientTerm(2) + n.y * AmbientTerm(5) + n.z * AmbientTerm(9);
+  vec3 of_z = AmbientTerm(3) + n.z * AmbientTerm(6);
+  vec3 ambient = max(vec3(0.0), AmbientTerm(0) + n.x * of_x + n.y * of_y + n.z * of_z);
   vec3 diffuse = ambient;
   vec3 specular = ambient;
   for (int i = 0; i < light_count; ++i) {

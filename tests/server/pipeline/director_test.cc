@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "proto/synthetic/rig.h"
+#include "server/render/illumination.h"
 #include "server/scene/scene_file.h"
 #include "tests/server/delivery/test_viewer.h"
 #include "tests/server/scene/test_models.h"
@@ -39,7 +40,10 @@ struct Show {
     object.placing = Placing{};
     object.T_scene_object = TSceneObject(*object.placing, object.usual_up);
     scene.objects.push_back(object);
+    UsualLight usual = UsualLightOf(scene.frame);
+    usual.key.id = 1;
     director.emplace(Director::Setup{.scene = scene,
+                                     .default_light = {{usual.key}, usual.ambient},
                                      .file = folder.path() / "scene.yaml",
                                      .color = SyntheticRig().color,
                                      .edits = edits,

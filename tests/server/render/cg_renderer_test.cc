@@ -14,6 +14,7 @@ namespace {
 using test::At;
 using test::CameraScene;
 using test::DistortedCamera;
+using test::EvenAmbient;
 using test::EvenLight;
 using test::Placed;
 using test::Rectangle;
@@ -170,8 +171,7 @@ TEST_P(CgRendererTest, PixelsOfTwoSurfacesAreMixedInLinearLight) {
 TEST_P(CgRendererTest, LitSideIsBrighter) {
   // A roof of two slopes, the sun from the left.
   Illumination light = EvenLight();
-  light.ambient_above.setConstant(0.1f);
-  light.ambient_below.setConstant(0.1f);
+  light.ambient = EvenAmbient(0.1f);
   Light sun;
   sun.shape = DirectionalLight{Eigen::Vector3d(-1, 0, -1).normalized()};
   light.lights.push_back(sun);
@@ -270,7 +270,7 @@ TEST_P(CgRendererTest, LayerRestsWhileNothingChanges) {
   const std::uint64_t moved = stage.Draw(scene).drawing;
   EXPECT_NE(moved, first);
   Illumination dimmed = EvenLight();
-  dimmed.ambient_above *= 0.5f;
+  dimmed.ambient = EvenAmbient(0.5f);
   EXPECT_NE(stage.Draw(scene, dimmed).drawing, moved);
 }
 

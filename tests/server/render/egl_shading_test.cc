@@ -69,9 +69,7 @@ class EglShadingTest : public testing::Test {
 // One lamp of every kind, none of them white.
 Illumination Lamps() {
   Illumination light;
-  light.up = -Eigen::Vector3d::UnitY();
-  light.ambient_above = {0.2f, 0.25f, 0.3f};
-  light.ambient_below = {0.15f, 0.1f, 0.1f};
+  light.ambient = test::UnevenAmbient();
   Light sun;
   sun.shape = DirectionalLight{Eigen::Vector3d(-0.5, -1, -1).normalized()};
   sun.color = {1, 0.9f, 0.8f};
@@ -157,7 +155,8 @@ TEST_F(EglShadingTest, DemoObjectsLookTheSame) {
   camera.width /= 2, camera.height /= 2;
   camera.fx /= 2, camera.fy /= 2;
   camera.cx = (camera.cx + 0.5) / 2 - 0.5, camera.cy = (camera.cy + 0.5) / 2 - 0.5;
-  Compare(camera, scene->scene, SyntheticTWorldColor(rig).inverse(), IlluminationOf(scene->scene), 5000);
+  Compare(camera, scene->scene, SyntheticTWorldColor(rig).inverse(), IlluminationOf(scene->scene, nullptr),
+          5000);
 }
 
 TEST_F(EglShadingTest, ChangesOfSceneLightAndPoseAreSent) {

@@ -75,9 +75,7 @@ TEST(RenderKernels, InterpolateMatchesItsSpecification) {
 
 TEST(RenderKernels, ShadeLightsMatchesItsSpecification) {
   CameraIllumination light;
-  light.up = {0, -1, 0};
-  light.ambient_above = {0.4f, 0.5f, 0.6f};
-  light.ambient_below = {0.2f, 0.1f, 0.1f};
+  light.ambient = test::UnevenAmbient();
   using enum CameraLight::Kind;
   light.lights.push_back({kDirectional, {0, -0.6f, -0.8f}, {0, 0, 0}, {0.5f, 0.5f, 0.4f}, 0});
   light.lights.push_back({kPoint, {1, -1, 1}, {0, 0, 0}, {2, 1, 1}, 0});

@@ -70,12 +70,23 @@ inline Scene CameraScene(std::vector<SceneObject> objects) {
   return scene;
 }
 
+inline AmbientLight EvenAmbient(float level) {
+  return AmbientLight::AboveBelow(Eigen::Vector3f::UnitZ(), Eigen::Vector3f::Constant(level),
+                                  Eigen::Vector3f::Constant(level));
+}
+// Another light from every side, as a room's.
+inline AmbientLight UnevenAmbient() {
+  AmbientSum sum;
+  sum.Add(-Eigen::Vector3f::UnitY(), 1.5f, {0.4f, 0.5f, 0.6f});
+  sum.Add(Eigen::Vector3f(1, 2, -1).normalized(), 0.8f, {0.2f, 0.1f, 0.1f});
+  sum.Add(Eigen::Vector3f(-2, 1, 0.5f).normalized(), 2.0f, {0.3f, 0.2f, 0.1f});
+  return sum.Finish();
+}
+
 // Every surface shows its colour as it is: ambient 1 from everywhere.
 inline Illumination EvenLight() {
   Illumination light;
-  light.up = -Eigen::Vector3d::UnitY();
-  light.ambient_above.setOnes();
-  light.ambient_below.setOnes();
+  light.ambient = EvenAmbient(1.0f);
   return light;
 }
 

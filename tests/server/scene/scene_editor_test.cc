@@ -56,8 +56,8 @@ std::shared_ptr<const Mesh> Box() {
 }
 
 const DefaultLight kDefault = {
-    .light = {.id = 1, .name = "key", .shape = DirectionalLight{}, .intensity = 0.5f},
-    .ambient = {0.4f, 0.2f}};
+    .lights = {{.id = 1, .name = "key", .shape = DirectionalLight{}, .intensity = 0.5f}},
+    .ambient = Ambient{0.4f, 0.2f}};
 const EditSource kAnna{1, "anna"}, kBen{2, "ben"};
 
 Scene SceneOf(SceneFrame frame, std::uint32_t objects) {

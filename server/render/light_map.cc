@@ -1,0 +1,503 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/render/light_map.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "proto/base/check.h"
+
+namespace mixstage {
+namespace {
+
+constexpr std::size_t kRoomTriangles = 30'000;
+constexpr std::size_t kRoomMapsAFrame = 4;  // after lamps have changed; a few ms each
+constexpr int kTile = LightMap::kTile;
+constexpr int kReach = 4;       // pixels of the factors to the neighbours that a normal is taken from
+constexpr float kStep = 0.03f;  // share of z: neighbours beyond are another surface
+// A surface casts nothing on itself, for all that its reduced shape, the maps' pixels and the depth's noise
+// put between.
+constexpr float kOffCg_m = 0.015f, kOffRoom_m = 0.05f, kOffActor_m = 0.05f;
+constexpr float kLeastHidden = 0.012f;  // share of the ambient light: less is not seen
+constexpr float kUnseen = 0.995f;       // less than half a grey level
+constexpr float kHidingRadii = 4;       // an object hides less than that of it farther away
+// An object gives back a part of the ambient light that it hides.
+constexpr float kGivenBack = 0.3f;
+
+int HalfUp(int size) { return (size + 1) / 2; }
+
+// Whether points in a sphere may lie in the shadow of a caster inside another.
+bool IsBehind(const LampSample& lamp, const Eigen::Vector3f& caster, float caster_m,
+              const Eigen::Vector3f& points, float points_m) {
+  if (lamp.kind == LampSample::Kind::kDirectional) {
+    const Eigen::Vector3f from = points - caster;
+    const float along = -from.dot(lamp.vector);
+    return along > -points_m - caster_m && (from + along * lamp.vector).norm() < points_m + caster_m;
+  }
+  const Eigen::Vector3f to_points = points - lamp.vector, to_caster = caster - lamp.vector;
+  const float points_away = to_points.norm(), caster_away = to_caster.norm();
+  if (points_away + points_m < caster_away - caster_m) return false;
+  if (points_m >= points_away || caster_m >= caster_away) return true;
+  // Cosine of the sum of both spheres' angles.
+  const float sin_a = points_m / points_away, sin_b = caster_m / caster_away;
+  const float cosine = std::sqrt((1 - sin_a * sin_a) * (1 - sin_b * sin_b)) - sin_a * sin_b;
+  return to_points.dot(to_caster) > cosine * points_away * caster_away;
+}
+
+}  // namespace
+
+LightMapper::LightMapper(const PinholeCamera& color)
+    : color_(color), half_(HalfUp(color.width), HalfUp(color.height)) {
+  const cv::Mat2f all = UnprojectionTable(color);
+  rays_.create(half_);
+  for (int y = 0; y < half_.height; ++y)
+    for (int x = 0; x < half_.width; ++x) rays_(y, x) = all(2 * y, 2 * x);
+  for (cv::Mat3f* factors : {&map_.room, &map_.actor, &map_.cg}) {
+    factors->create(half_);
+    factors->setTo(cv::Scalar::all(1));
+  }
+  for (cv::Mat1b* touched : {&map_.touched, &room_touched_})
+    *touched =
+        cv::Mat1b((half_.height + kTile - 1) / kTile, (half_.width + kTile - 1) / kTile, std::uint8_t{0});
+}
+
+// A factor reaches half a pixel beyond its own, to the left and upward.
+void LightMapper::Touch(const cv::Rect& tile, cv::Mat1b& touched) const {
+  const int x = tile.x / kTile, y = tile.y / kTile;
+  touched(cv::Rect(x - 1, y - 1, 2, 2) & cv::Rect({}, touched.size())).setTo(255);
+}
+
+void LightMapper::SetRoom(const RoomModel& room) {
+  MIX_CHECK(room.Validate().has_value());
+  room_shape_ = Reduced(room.positions, room.indices, kRoomTriangles);
+}
+
+bool LightMapper::SameObjects(const Scene& scene) const {
+  std::size_t k = 0;
+  for (const SceneObject& object : scene.objects) {
+    if (object.hidden) continue;
+    if (k == objects_.size() || placed_meshes_[k] != object.mesh ||
+        objects_[k].T_scene_object.matrix() != object.T_scene_object.matrix())
+      return false;
+    ++k;
+  }
+  return k == objects_.size();
+}
+
+void LightMapper::PlaceObjects(const Scene& scene) {
+  ++objects_revision_;
+  objects_.clear();
+  placed_meshes_.clear();
+  surfels_.clear();
+  for (const SceneObject& object : scene.objects) {
+    if (object.hidden) continue;
+    std::unique_ptr<ShadowShape>& shape = shapes_[object.mesh];
+    if (shape == nullptr) shape = std::make_unique<ShadowShape>(ShadowShapeOf(*object.mesh));
+    placed_meshes_.push_back(object.mesh);
+    const Eigen::Affine3d& T = object.T_scene_object;
+    Object placed;
+    placed.shape = shape.get();
+    placed.T_scene_object = T;
+    placed.center = (T * shape->center.cast<double>()).cast<float>();
+    placed.radius_m = shape->radius_m * static_cast<float>(T.linear().norm());
+    placed.first_surfel = surfels_.size();
+    const double volume = std::abs(T.linear().determinant());
+    placed.surfels = volume > 0 ? shape->surfels.size() : 0;
+    objects_.push_back(placed);
+    if (placed.surfels == 0) continue;
+    const Eigen::Matrix3f of_area = (volume * T.linear().inverse().transpose()).cast<float>();
+    for (const Surfel& surfel : shape->surfels) {
+      surfels_.push_back({(T * surfel.center.cast<double>()).cast<float>(), of_area * surfel.facing});
+    }
+  }
+  std::erase_if(shapes_, [&](const auto& known) {
+    return std::find(placed_meshes_.begin(), placed_meshes_.end(), known.first) == placed_meshes_.end();
+  });
+}
+
+void LightMapper::PlaceLamps(const LightMapInput& in) {
+  const std::vector<LampSample> samples = SampleLamps(in.light->lights);
+  std::vector<LampSample> now;
+  for (const Lamp& lamp : lamps_) now.push_back(lamp.sample);
+  light_ = *in.light;
+  ++lamps_revision_;
+  if (samples == now) return;
+  // Lamps that stayed where they were keep what they see.
+  std::vector<Lamp> lamps;
+  for (const LampSample& sample : samples) {
+    const auto same = std::find_if(lamps_.begin(), lamps_.end(), [&](const Lamp& lamp) {
+      return lamp.sample.vector == sample.vector && lamp.sample.kind == sample.kind;
+    });
+    if (same != lamps_.end()) {
+      lamps.push_back(std::move(*same));
+      lamps_.erase(same);
+    } else {
+      lamps.emplace_back();
+    }
+    lamps.back().sample = sample;
+  }
+  lamps_ = std::move(lamps);
+}
+
+void LightMapper::DrawRoomMaps(std::size_t most) {
+  if (room_shape_.indices.empty()) return;
+  const ShadowCaster caster{.mesh = {room_shape_.positions, room_shape_.indices},
+                            .center = room_shape_.center,
+                            .radius_m = room_shape_.radius_m};
+  for (Lamp& lamp : lamps_) {
+    // The sun shines through walls: where its windows are is not known.
+    if (lamp.room_drawn || lamp.sample.kind == LampSample::Kind::kDirectional) continue;
+    if (most-- == 0) return;
+    lamp.room.Draw(lamp.sample, std::span(&caster, 1), rasteriser_);
+    lamp.room_drawn = true;
+    ++room_maps_revision_;
+  }
+}
+
+void LightMapper::PlaceActor(const LightMapInput& in) {
+  actor_shape_ = nullptr;
+  for (Lamp& lamp : lamps_) lamp.actor.Clear();
+  if (in.actor_depth_m.empty() || objects_.empty()) return;
+  const cv::Mat1f depth(in.actor_depth_m.height(), in.actor_depth_m.width(),
+                        const_cast<float*>(in.actor_depth_m.data()),
+                        static_cast<std::size_t>(in.actor_depth_m.stride()) * sizeof(float));
+  const ShadowShape& shape = actor_.Run(rays_, depth, in.T_scene_color);
+  if (shape.indices.empty()) return;
+  actor_shape_ = &shape;
+  const ShadowCaster caster{
+      .mesh = {shape.positions, shape.indices}, .center = shape.center, .radius_m = shape.radius_m};
+  const auto matters = [&](const LampSample& lamp, const Spots& spots) {
+    return std::any_of(spots.tiles.begin(), spots.tiles.end(), [&](const Tile& tile) {
+      return IsBehind(lamp, shape.center, shape.radius_m, tile.center, tile.radius_m);
+    });
+  };
+  for (Lamp& lamp : lamps_) {
+    if (matters(lamp.sample, room_) || matters(lamp.sample, cg_))
+      lamp.actor.Draw(lamp.sample, std::span(&caster, 1), rasteriser_);
+  }
+}
+
+bool LightMapper::MayBeShaded(const Eigen::Vector3f& center, float radius_m) {
+  shaded_.assign(lamps_.size(), 0);
+  hiding_.assign(objects_.size(), 0);
+  bool any = false;
+  for (std::size_t k = 0; k < objects_.size(); ++k) {
+    const Object& object = objects_[k];
+    for (std::size_t i = 0; i < lamps_.size(); ++i) {
+      if (shaded_[i] == 0 && IsBehind(lamps_[i].sample, object.center, object.radius_m, center, radius_m) &&
+          lamps_[i].cg.MayHide(center, radius_m))
+        shaded_[i] = 1;
+      any = any || shaded_[i] != 0;
+    }
+    hiding_[k] = (center - object.center).norm() - radius_m < kHidingRadii * object.radius_m;
+    any = any || hiding_[k] != 0;
+  }
+  return any;
+}
+
+// Form factors of the surfels that face the point: right for a convex object above the horizon.
+float LightMapper::HiddenAmbient(const Point& at) const {
+  float hidden = 0;
+  for (std::size_t k = 0; k < objects_.size(); ++k) {
+    if (hiding_[k] == 0) continue;
+    for (std::size_t i = objects_[k].first_surfel; i < objects_[k].first_surfel + objects_[k].surfels; ++i) {
+      const Surfel& surfel = surfels_[i];
+      const Eigen::Vector3f to = surfel.center - at.position;
+      const float above = to.dot(at.normal), faces = -to.dot(surfel.facing);
+      if (!(above > 0) || !(faces > 0)) continue;
+      // cos cos area / (pi d^2 + area)
+      const float d2 = to.squaredNorm();
+      hidden += above * faces / (d2 * (std::numbers::pi_v<float> * d2 + surfel.facing.norm()));
+    }
+  }
+  return std::min(hidden, 1.0f);
+}
+
+template <typename Depth>
+std::optional<LightMapper::Point> LightMapper::PointAt(const Depth& depth, int x, int y) const {
+  const auto at = [&](int u, int v) -> Eigen::Vector3f {
+    const float z = depth(u, v);
+    const cv::Vec2f& ray = rays_(v, u);
+    return {z * ray[0], z * ray[1], z};
+  };
+  const float z = depth(x, y);
+  const cv::Vec2f& ray = rays_(y, x);
+  if (!(z > 0) || ray[0] != ray[0]) return std::nullopt;
+  const Eigen::Vector3f p = at(x, y);
+  // From the neighbour on either side, or both, that lies on the same surface.
+  const auto slope = [&](int du, int dv) -> Eigen::Vector3f {
+    Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+    for (int reach = kReach; reach > 0 && sum.isZero(); reach /= 2) {
+      for (const int sign : {-1, 1}) {
+        const int u = x + sign * reach * du, v = y + sign * reach * dv;
+        if (u < 0 || v < 0 || u >= half_.width || v >= half_.height) continue;
+        const float other = depth(u, v);
+        if (!(other > 0) || std::abs(other - z) > kStep * z || rays_(v, u)[0] != rays_(v, u)[0]) continue;
+        sum += static_cast<float>(sign) * (at(u, v) - p);
+      }
+    }
+    return sum;
+  };
+  Eigen::Vector3f normal = slope(1, 0).cross(slope(0, 1));
+  if (!(normal.squaredNorm() > 0)) normal = -p;
+  if (normal.dot(p) > 0) normal = -normal;
+  return Point{R_ * p + t_, (R_ * normal).normalized()};
+}
+
+cv::Vec3f LightMapper::FactorOf(const Spots& of, std::size_t spot, const float* actor_lit) const {
+  const std::size_t lamps = lamps_.size();
+  Eigen::Array3f seen = of.spots[spot].seen.array(), kept = of.spots[spot].ambient.array();
+  for (std::size_t i = 0; i < lamps; ++i) {
+    const float lit = actor_lit != nullptr ? actor_lit[i] : 1.0f;
+    const Eigen::Array3f strength = lit * lamps_[i].sample.strength.array();
+    seen += of.seen[spot * lamps + i] * strength;
+    kept += of.kept[spot * lamps + i] * strength;
+  }
+  cv::Vec3f factor;
+  for (int c = 0; c < 3; ++c) factor[c] = seen[c] > 0 ? std::min(1.0f, kept[c] / seen[c]) : 1.0f;
+  return factor;
+}
+
+void LightMapper::Fill(const Spot& spot, const cv::Vec3f& factor, cv::Mat3f& factors) {
+  for (int y = spot.y; y < std::min(spot.y + spot.size, factors.rows); ++y) {
+    for (int x = spot.x; x < std::min(spot.x + spot.size, factors.cols); ++x) factors(y, x) = factor;
+  }
+}
+
+void LightMapper::Close(Tile tile, Spots& to, cv::Mat3f& factors) const {
+  tile.end = to.spots.size();
+  if (tile.end == tile.begin) return;
+  Eigen::AlignedBox3f box;
+  for (std::size_t k = tile.begin; k < tile.end; ++k) {
+    Spot& spot = to.spots[k];
+    spot.factor = FactorOf(to, k, nullptr);
+    Fill(spot, spot.factor, factors);
+    box.extend(spot.position);
+  }
+  tile.center = box.center();
+  tile.radius_m = 0.5f * box.diagonal().norm();
+  to.tiles.push_back(tile);
+}
+
+bool LightMapper::Shade(Spots& spots, cv::Mat3f& factors) {
+  bool any = false;
+  for (Tile& tile : spots.tiles) {
+    shaded_.assign(lamps_.size(), 0);
+    bool reached = false;
+    for (std::size_t i = 0; actor_shape_ != nullptr && i < lamps_.size(); ++i) {
+      shaded_[i] = lamps_[i].actor.MayHide(tile.center, tile.radius_m);
+      reached = reached || shaded_[i] != 0;
+    }
+    if (!reached && !tile.changed) continue;
+    any = true;
+    tile.changed = reached;
+    for (std::size_t k = tile.begin; k < tile.end; ++k) {
+      const Spot& spot = spots.spots[k];
+      // The actor's shape is coarse: of two neighbours in a row the second is shaded as the first.
+      const bool second = k > tile.begin && (spot.x & 1) != 0 && spots.spots[k - 1].x == spot.x - 1;
+      for (std::size_t i = 0; !second && i < lamps_.size(); ++i) {
+        share_[i] =
+            shaded_[i] != 0 && spots.seen[k * lamps_.size() + i] + spots.kept[k * lamps_.size() + i] > 0
+                ? lamps_[i].actor.Lit(spot.position, kOffActor_m)
+                : 1.0f;
+      }
+      const bool shaded = std::any_of(share_.begin(), share_.end(), [](float lit) { return lit < 1; });
+      Fill(spot, shaded ? FactorOf(spots, k, share_.data()) : spot.factor, factors);
+    }
+  }
+  return any;
+}
+
+template <typename Depth>
+std::optional<LightMapper::Tile> LightMapper::TileAt(const Depth& depth, int x0, int y0) {
+  Tile tile;
+  tile.box = cv::Rect(x0, y0, kTile, kTile) & cv::Rect({}, half_);
+  Eigen::AlignedBox3f box;
+  for (int y = y0; y < tile.box.br().y; y += 3) {
+    for (int x = x0; x < tile.box.br().x; x += 3) {
+      const float z = depth(x, y);
+      const cv::Vec2f& ray = rays_(y, x);
+      if (z > 0 && ray[0] == ray[0]) box.extend(R_ * Eigen::Vector3f(z * ray[0], z * ray[1], z) + t_);
+    }
+  }
+  if (box.isEmpty() || !MayBeShaded(box.center(), 0.55f * box.diagonal().norm())) return std::nullopt;
+  return tile;
+}
+
+void LightMapper::LightRoom(const LightMapInput& in) {
+  room_.Clear();
+  room_touched_.setTo(0);
+  map_.room.setTo(cv::Scalar::all(1));
+  if (in.room_revision == 0) return;
+  const auto depth = [&](int x, int y) { return in.room_depth_m(2 * y, 2 * x); };
+  const std::size_t lamps = lamps_.size();
+  for (int y0 = 0; y0 < half_.height; y0 += kTile) {
+    for (int x0 = 0; x0 < half_.width; x0 += kTile) {
+      auto tile = TileAt(depth, x0, y0);
+      if (!tile) continue;
+      tile->begin = room_.spots.size();
+      for (int y = y0; y < tile->box.br().y; y += step_) {
+        for (int x = x0; x < tile->box.br().x; x += step_) {
+          const auto at = PointAt(depth, x, y);
+          if (!at) continue;
+          const Eigen::Vector3f raised = at->position + kOffCg_m * at->normal;
+          bool shaded = false;
+          for (std::size_t i = 0; i < lamps; ++i) {
+            share_[i] = shaded_[i] != 0 ? lamps_[i].cg.Lit(raised, 0) : 1.0f;
+            shaded = shaded || share_[i] < 1;
+          }
+          const float hidden = HiddenAmbient({raised, at->normal});
+          if (!shaded && hidden < kLeastHidden) continue;
+          const Eigen::Vector3f ambient = light_.ambient.At(at->normal);
+          room_.spots.push_back(
+              {x, y, step_, at->position, ambient, (1 - (1 - kGivenBack) * hidden) * ambient, {}});
+          const Eigen::Vector3f off_room = at->position + kOffRoom_m * at->normal;
+          for (std::size_t i = 0; i < lamps; ++i) {
+            const LampSample::Incident incident = lamps_[i].sample.At(at->position);
+            float received = incident.share * std::max(0.0f, at->normal.dot(incident.toward));
+            if (received > 0) received *= lamps_[i].room.Lit(off_room, kOffRoom_m);
+            room_.seen.push_back(received);
+            room_.kept.push_back(received * share_[i]);
+          }
+          const cv::Vec3f factor = FactorOf(room_, room_.spots.size() - 1, nullptr);
+          if (std::min({factor[0], factor[1], factor[2]}) > kUnseen) {
+            room_.spots.pop_back();
+            room_.seen.resize(lamps * room_.spots.size());
+            room_.kept.resize(lamps * room_.spots.size());
+          }
+        }
+      }
+      if (room_.spots.size() > tile->begin) Touch(tile->box, room_touched_);
+      Close(*tile, room_, map_.room);
+    }
+  }
+}
+
+void LightMapper::LightActor(const LightMapInput& in) {
+  if (!actor_bounds_.empty()) map_.actor(actor_bounds_).setTo(cv::Scalar::all(1));
+  actor_bounds_ = {};
+  if (actor_shape_ == nullptr) return;
+  const auto depth = [&](int x, int y) { return in.actor_depth_m.row(y)[x]; };
+  for (int y0 = 0; y0 < half_.height; y0 += kTile) {
+    for (int x0 = 0; x0 < half_.width; x0 += kTile) {
+      const auto tile = TileAt(depth, x0, y0);
+      if (!tile) continue;
+      actor_bounds_ |= tile->box;
+      Touch(tile->box, map_.touched);
+      // His depth comes from a coarser grid than that.
+      for (int y = y0; y < tile->box.br().y; y += 2) {
+        for (int x = x0; x < tile->box.br().x; x += 2) {
+          const auto at = PointAt(depth, x, y);
+          if (!at) continue;
+          const Eigen::Vector3f ambient = light_.ambient.At(at->normal);
+          Eigen::Vector3f seen = ambient;
+          Eigen::Vector3f kept = (1 - (1 - kGivenBack) * HiddenAmbient(*at)) * ambient;
+          for (std::size_t i = 0; i < lamps_.size(); ++i) {
+            const LampSample::Incident incident = lamps_[i].sample.At(at->position);
+            const float received = incident.share * at->normal.dot(incident.toward);
+            if (!(received > 0)) continue;
+            seen += received * lamps_[i].sample.strength;
+            const float lit = shaded_[i] != 0 ? lamps_[i].cg.Lit(at->position, kOffCg_m) : 1.0f;
+            kept += received * lit * lamps_[i].sample.strength;
+          }
+          cv::Vec3f s;
+          for (int c = 0; c < 3; ++c) s[c] = seen[c] > 0 ? kept[c] / seen[c] : 1.0f;
+          map_.actor(cv::Rect(x, y, 2, 2) & tile->box).setTo(cv::Scalar(s[0], s[1], s[2]));
+        }
+      }
+    }
+  }
+}
+
+void LightMapper::LightCg(const LightMapInput& in) {
+  const CgLayer& cg = *in.cg;
+  cg_.Clear();
+  map_.cg_bounds = {cg.bounds.x / 2, cg.bounds.y / 2, HalfUp(cg.bounds.width), HalfUp(cg.bounds.height)};
+  map_.cg(map_.cg_bounds).setTo(cv::Scalar::all(1));
+  // The first pixel of four that shows something.
+  const auto depth = [&](int x, int y) {
+    const int column = 2 * x - cg.bounds.x, row = 2 * y - cg.bounds.y;
+    for (const int v : {row, row + 1}) {
+      for (const int u : {column, column + 1}) {
+        if (u < 0 || v < 0 || u >= cg.bounds.width || v >= cg.bounds.height) continue;
+        if (cg.depth_m(v, u) > 0) return cg.depth_m(v, u);
+      }
+    }
+    return 0.0f;
+  };
+  const cv::Rect& box = map_.cg_bounds;
+  for (int y0 = box.y; y0 < box.br().y; y0 += kTile) {
+    for (int x0 = box.x; x0 < box.br().x; x0 += kTile) {
+      Tile tile;
+      tile.box = cv::Rect(x0, y0, kTile, kTile) & box;
+      tile.begin = cg_.spots.size();
+      for (int y = y0; y < tile.box.br().y; y += step_) {
+        for (int x = x0; x < tile.box.br().x; x += step_) {
+          const auto at = PointAt(depth, x, y);
+          if (!at) continue;
+          const Eigen::Vector3f ambient = light_.ambient.At(at->normal);
+          Eigen::Vector3f shaded_as = ambient;
+          const Eigen::Vector3f raised = at->position + kOffCg_m * at->normal;
+          const Eigen::Vector3f off_room = at->position + kOffRoom_m * at->normal;
+          for (const Lamp& lamp : lamps_) {
+            const LampSample::Incident incident = lamp.sample.At(at->position);
+            float received = incident.share * std::max(0.0f, at->normal.dot(incident.toward));
+            shaded_as += received * lamp.sample.strength;
+            if (received > 0) received *= lamp.cg.Lit(raised, kOffCg_m);
+            if (received > 0) received *= lamp.room.Lit(off_room, kOffRoom_m);
+            cg_.seen.push_back(0);
+            cg_.kept.push_back(received);
+          }
+          cg_.spots.push_back({x, y, step_, off_room, shaded_as, ambient, {}});
+        }
+      }
+      Close(tile, cg_, map_.cg);
+    }
+  }
+}
+
+const LightMap& LightMapper::Run(const LightMapInput& in) {
+  MIX_CHECK(in.scene != nullptr && in.light != nullptr && in.cg != nullptr);
+  MIX_CHECK(in.room_revision == 0 || in.room_depth_m.size() == cv::Size(color_.width, color_.height));
+  MIX_CHECK(in.actor_depth_m.empty() ||
+            (in.actor_depth_m.width() == half_.width && in.actor_depth_m.height() == half_.height));
+  const bool first = lamps_revision_ == 0;
+  if (first || !SameLight(light_, *in.light)) PlaceLamps(in);
+  const bool moved = !SameObjects(*in.scene);
+  if (moved) PlaceObjects(*in.scene);
+  DrawRoomMaps(first ? lamps_.size() : kRoomMapsAFrame);
+  if (moved || made_.lamps != lamps_revision_) {
+    std::vector<ShadowCaster> casters;
+    for (const Object& object : objects_) {
+      casters.push_back({{object.shape->positions, object.shape->indices},
+                         object.T_scene_object,
+                         object.center,
+                         object.radius_m});
+    }
+    for (Lamp& lamp : lamps_) lamp.cg.Draw(lamp.sample, casters, rasteriser_);
+  }
+  R_ = in.T_scene_color.linear().cast<float>();
+  t_ = in.T_scene_color.translation().cast<float>();
+  share_.resize(lamps_.size());
+  const Made now = {in.room_revision,    lamps_revision_, objects_revision_,
+                    room_maps_revision_, in.cg->drawing,  in.T_scene_color};
+  const bool stands = made_.objects == now.objects && made_.lamps == now.lamps &&
+                      made_.T_scene_color.matrix() == now.T_scene_color.matrix();
+  const int step = stands || first ? 1 : 2;
+  const bool anew = !stands || made_.room_maps != now.room_maps || step != step_;
+  step_ = step;
+  if (anew || made_.room != now.room) LightRoom(in);
+  if (anew || made_.drawing != now.drawing) {
+    LightCg(in);
+    ++map_.cg_revision;
+  }
+  made_ = now;
+  PlaceActor(in);
+  Shade(room_, map_.room);
+  if (Shade(cg_, map_.cg)) ++map_.cg_revision;
+  room_touched_.copyTo(map_.touched);
+  LightActor(in);
+  return map_;
+}
+
+}  // namespace mixstage

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/composite/relight.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace mixstage {
+namespace {
+
+const cv::Rect kDimmed(4, 4, 8, 8);
+
+LightMap HalfDimmed(cv::Size half) {
+  LightMap map;
+  map.room = cv::Mat3f(half, cv::Vec3f::all(1));
+  map.actor = cv::Mat3f(half, cv::Vec3f::all(1));
+  map.cg = cv::Mat3f(half, cv::Vec3f::all(1));
+  map.touched = cv::Mat1b(1, 2, std::uint8_t{255});
+  map.room(kDimmed).setTo(cv::Scalar::all(0.5));
+  return map;
+}
+
+YuvImage Grey(int width, int height, std::uint8_t level) {
+  YuvImage image;
+  image.Create(width, height, ChromaLayout::k420);
+  image.y.setTo(level);
+  image.cb.setTo(128);
+  image.cr.setTo(128);
+  return image;
+}
+
+TEST(Relight, ScalesInLinearLightAndTouchesNothingElse) {
+  const YuvImage color = Grey(40, 30, 188);  // 0.503 in linear light
+  YuvImage lit;
+  RelightPicture(HalfDimmed({20, 15}), {}, color, lit);
+  EXPECT_NEAR(lit.y(14, 14), 137, 1);  // 0.2515
+  EXPECT_EQ(lit.cb(7, 7), 128);
+  for (int y = 0; y < 30; ++y)
+    for (int x = 0; x < 40; ++x)
+      ASSERT_TRUE((x >= 7 && y >= 7 && x <= 24 && y <= 24) || lit.y(y, x) == 188) << x << " " << y;
+}
+
+TEST(Relight, TheActorHasAFactorOfHisOwn) {
+  const YuvImage color = Grey(40, 30, 188);
+  cv::Mat1b alpha(30, 40, std::uint8_t{0});
+  alpha(cv::Rect(12, 12, 4, 4)).setTo(255);
+  YuvImage lit;
+  RelightPicture(HalfDimmed({20, 15}), View(std::as_const(alpha)), color, lit);
+  EXPECT_EQ(lit.y(14, 14), 188);
+  EXPECT_NEAR(lit.y(10, 10), 137, 1);
+}
+
+TEST(Relight, ColoredFactorsColor) {
+  LightMap map = HalfDimmed({20, 15});
+  map.room(kDimmed).setTo(cv::Scalar(0.5, 0.5, 1.0));
+  YuvImage lit;
+  RelightPicture(map, {}, Grey(40, 30, 188), lit);
+  EXPECT_GT(lit.cb(7, 7), 140);
+  EXPECT_LT(lit.cr(7, 7), 128);
+  const cv::Vec3b picture = LightMapPicture(map, {}, {40, 30})(14, 14);
+  EXPECT_EQ(picture, cv::Vec3b(255, 128, 128));
+}
+
+TEST(Relight, LayersKeepTheirCoverage) {
+  LightMap map = HalfDimmed({20, 15});
+  map.cg.setTo(cv::Scalar(0.25, 0.5, 1));
+  map.cg_revision = 7;
+  CgLayer layer;
+  layer.bounds = {4, 4, 6, 6};
+  layer.color = cv::Mat4f(6, 6, cv::Vec4f(0.4f, 0.4f, 0.4f, 0.5f));
+  layer.depth_m = cv::Mat1f(6, 6, 1.0f);
+  layer.object_id = cv::Mat1b(6, 6, std::uint8_t{1});
+  CgLayer lit;
+  RelightLayer(map, layer, lit);
+  EXPECT_EQ(lit.drawing, 7u);
+  EXPECT_EQ(lit.bounds, layer.bounds);
+  const cv::Vec4f p = lit.color(3, 3);
+  EXPECT_FLOAT_EQ(p[0], 0.1f);
+  EXPECT_FLOAT_EQ(p[1], 0.2f);
+  EXPECT_FLOAT_EQ(p[2], 0.4f);
+  EXPECT_FLOAT_EQ(p[3], 0.5f);
+}
+
+}  // namespace
+}  // namespace mixstage
