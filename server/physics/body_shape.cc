@@ -123,8 +123,7 @@ Points Farthest(const Points& points) {
     chosen.push_back(best);
   }
   std::ranges::sort(chosen);
-  const auto rest = std::ranges::unique(chosen);
-  chosen.erase(rest.begin(), rest.end());
+  chosen.erase(std::unique(chosen.begin(), chosen.end()), chosen.end());
   Points kept;
   for (const std::size_t i : chosen) kept.push_back(points[i]);
   return kept;
