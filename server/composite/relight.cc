@@ -2,7 +2,6 @@
 #include "server/composite/relight.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 namespace mixstage {
@@ -32,11 +31,14 @@ cv::Vec3f PixelFactor(const LightMap& map, const std::uint8_t* alpha, int x, int
 constexpr float kOffset = 0.055f * 255;
 float CodeGain(float s) { return std::pow(std::max(s, 0.0f), 1 / 2.4f); }
 
-// The gains of a square's factors and of the column and row after it.
+float Code(float value) { return std::min(std::max(value + 0.5f, 0.0f), 255.0f); }
+
+using Row = cv::Vec<float, kSide>;
+
+// The gains of a square's factors, and of the column and row after it.
 struct TileGains {
   static constexpr int kStride = LightMap::kTile + 1;
-  std::array<cv::Vec3f, kStride * kStride> gains;
-  std::array<bool, kStride * kStride> changed;
+  float gains[3][kStride][kStride];
   bool any = false;
 
   void Of(const cv::Mat3f& factors, const cv::Rect& tile) {
@@ -44,25 +46,23 @@ struct TileGains {
     for (int v = 0; v < kStride; ++v) {
       const cv::Vec3f* row = factors[std::min(tile.y / 2 + v, factors.rows - 1)];
       for (int u = 0; u < kStride; ++u) {
-        const auto k = static_cast<std::size_t>(v * kStride + u);
         const cv::Vec3f& s = row[std::min(tile.x / 2 + u, factors.cols - 1)];
-        changed[k] = s[0] != 1 || s[1] != 1 || s[2] != 1;
-        gains[k] = changed[k] ? cv::Vec3f(CodeGain(s[0]), CodeGain(s[1]), CodeGain(s[2])) : cv::Vec3f::all(1);
-        any = any || changed[k];
+        const bool changed = s[0] != 1 || s[1] != 1 || s[2] != 1;
+        for (int c = 0; c < 3; ++c) gains[c][v][u] = changed ? CodeGain(s[c]) : 1;
+        any = any || changed;
       }
     }
   }
-  // The pixels between the factor (u, v) of the square and the next are all as they are.
-  [[nodiscard]] bool StaysAt(int u, int v) const {
-    const auto k = static_cast<std::size_t>(v * kStride + u);
-    return !(changed[k] || changed[k + 1] || changed[k + kStride] || changed[k + kStride + 1]);
-  }
-  // FactorAt's mean; x, y count from the square's corner.
-  [[nodiscard]] cv::Vec3f At(int x, int y) const {
-    const auto top = static_cast<std::size_t>(y / 2 * kStride + x / 2);
-    const std::size_t right = (x & 1) != 0 ? 1 : 0, below = (y & 1) != 0 ? kStride : 0;
-    if (right + below == 0) return gains[top];
-    return 0.25f * (gains[top] + gains[top + right] + gains[top + below] + gains[top + right + below]);
+  // FactorAt's mean along a row that counts from the square's top.
+  void At(int y, int c, Row& out) const {
+    const float* above = gains[c][y / 2];
+    const float* below = gains[c][y / 2 + (y & 1)];
+    float mean[kStride];
+    for (int u = 0; u < kStride; ++u) mean[u] = 0.5f * (above[u] + below[u]);
+    for (int u = 0; u < LightMap::kTile; ++u) {
+      out[2 * u] = mean[u];
+      out[2 * u + 1] = 0.5f * (mean[u] + mean[u + 1]);
+    }
   }
 };
 
@@ -88,43 +88,55 @@ void RelightPicture(const LightMap& map, ImageView<const std::uint8_t> alpha, co
   const int shift_x = ChromaShiftX(color.layout), shift_y = ChromaShiftY(color.layout);
   const int block_w = 1 << shift_x, block_h = 1 << shift_y;
   TileGains room, actor;
+  Row gain[3], actor_gain[3];
+  Row luma, blue, red, sum_blue, sum_red;
   ForTouched(map, {w, h}, [&](const cv::Rect& tile) {
     room.Of(map.room, tile);
     actor.Of(map.actor, tile);
     if (!room.any && !actor.any) return;
     for (int y0 = tile.y; y0 < tile.br().y; y0 += block_h) {
-      for (int x0 = tile.x; x0 < tile.br().x; x0 += block_w) {
-        const int u = (x0 - tile.x) / 2, v = (y0 - tile.y) / 2;
-        if (room.StaysAt(u, v) && actor.StaysAt(u, v)) continue;
-        const auto blue = static_cast<float>(color.cb(y0 >> shift_y, x0 >> shift_x) - 128);
-        const auto red = static_cast<float>(color.cr(y0 >> shift_y, x0 >> shift_x) - 128);
-        // A chroma sample is the mean over its luma pixels.
-        float sum_blue = 0, sum_red = 0;
-        int count = 0;
-        for (int y = y0; y < std::min(y0 + block_h, h); ++y) {
-          const std::uint8_t* covered = alpha.empty() ? nullptr : alpha.row(y);
-          for (int x = x0; x < std::min(x0 + block_w, w); ++x, ++count) {
-            cv::Vec3f gain = room.At(x - tile.x, y - tile.y);
-            if (covered != nullptr && covered[x] != 0)
-              gain +=
-                  static_cast<float>(covered[x]) * (1 / 255.0f) * (actor.At(x - tile.x, y - tile.y) - gain);
-            const float luma = static_cast<float>(color.y(y, x)) + kOffset;
-            // YcbcrToRgb and RgbToYcbcr (proto/codec/yuv_image.h) with the gains between.
-            const float r = gain[0] * (luma + 1.402f * red);
-            const float g = gain[1] * (luma - 0.344136f * blue - 0.714136f * red);
-            const float b = gain[2] * (luma + 1.772f * blue);
-            const float scaled = 0.299f * r + 0.587f * g + 0.114f * b;
-            lit.y(y, x) = static_cast<std::uint8_t>(std::clamp(scaled - kOffset + 0.5f, 0.0f, 255.0f));
-            sum_blue += 0.564334f * (b - scaled);
-            sum_red += 0.713267f * (r - scaled);
+      const std::uint8_t* cb = color.cb[y0 >> shift_y] + (tile.x >> shift_x);
+      const std::uint8_t* cr = color.cr[y0 >> shift_y] + (tile.x >> shift_x);
+      for (int x = 0; x < tile.width; ++x) {
+        blue[x] = static_cast<float>(cb[x >> shift_x] - 128);
+        red[x] = static_cast<float>(cr[x >> shift_x] - 128);
+      }
+      sum_blue = sum_red = Row::all(0);
+      const int rows = std::min(block_h, h - y0);
+      for (int y = y0; y < y0 + rows; ++y) {
+        for (int c = 0; c < 3; ++c) room.At(y - tile.y, c, gain[c]);
+        if (!alpha.empty()) {
+          const std::uint8_t* covered = alpha.row(y) + tile.x;
+          for (int c = 0; c < 3; ++c) {
+            actor.At(y - tile.y, c, actor_gain[c]);
+            for (int x = 0; x < tile.width; ++x)
+              gain[c][x] += static_cast<float>(covered[x]) * (1 / 255.0f) * (actor_gain[c][x] - gain[c][x]);
           }
         }
-        const auto mean = [&](float sum) {
-          return static_cast<std::uint8_t>(
-              std::clamp(128.5f + sum / static_cast<float>(count), 0.0f, 255.0f));
+        const std::uint8_t* from = color.y[y] + tile.x;
+        for (int x = 0; x < tile.width; ++x) luma[x] = static_cast<float>(from[x]) + kOffset;
+        for (int x = 0; x < kSide; ++x) {
+          // YcbcrToRgb and RgbToYcbcr (proto/codec/yuv_image.h) with the gains between.
+          const float r = gain[0][x] * (luma[x] + 1.402f * red[x]);
+          const float g = gain[1][x] * (luma[x] - 0.344136f * blue[x] - 0.714136f * red[x]);
+          const float b = gain[2][x] * (luma[x] + 1.772f * blue[x]);
+          const float scaled = 0.299f * r + 0.587f * g + 0.114f * b;
+          luma[x] = Code(scaled - kOffset);
+          sum_blue[x] += 0.564334f * (b - scaled);
+          sum_red[x] += 0.713267f * (r - scaled);
+        }
+        std::uint8_t* to = lit.y[y] + tile.x;
+        for (int x = 0; x < tile.width; ++x) to[x] = static_cast<std::uint8_t>(luma[x]);
+      }
+      // A chroma sample is the mean over its luma pixels.
+      for (int x0 = 0; x0 < tile.width; x0 += block_w) {
+        const int columns = std::min(block_w, tile.width - x0);
+        const auto mean = [&](const Row& sum) {
+          const float all = columns == 2 ? sum[x0] + sum[x0 + 1] : sum[x0];
+          return static_cast<std::uint8_t>(Code(128 + all / static_cast<float>(columns * rows)));
         };
-        lit.cb(y0 >> shift_y, x0 >> shift_x) = mean(sum_blue);
-        lit.cr(y0 >> shift_y, x0 >> shift_x) = mean(sum_red);
+        lit.cb(y0 >> shift_y, (tile.x + x0) >> shift_x) = mean(sum_blue);
+        lit.cr(y0 >> shift_y, (tile.x + x0) >> shift_x) = mean(sum_red);
       }
     }
   });
