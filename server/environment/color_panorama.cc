@@ -172,7 +172,7 @@ std::vector<std::size_t> ViewsOfTile(const PanoramaGrid& grid, const cv::Mat1f& 
 }  // namespace
 
 Result<std::vector<ViewOcclusion>> FindOcclusions(const SurfaceMesh& mesh, const PinholeCamera& camera,
-                                                  const std::vector<ColorView>& views) {
+                                                  const std::vector<PosedPicture>& views) {
   PinholeCamera small = camera;
   small.width = std::max(1, camera.width / kOcclusionShrink);
   small.height = std::max(1, camera.height / kOcclusionShrink);
@@ -185,7 +185,7 @@ Result<std::vector<ViewOcclusion>> FindOcclusions(const SurfaceMesh& mesh, const
   if (!rasteriser) return tl::unexpected(rasteriser.error());
   std::vector<ViewOcclusion> occlusions;
   const cv::Mat kernel = cv::getStructuringElement(cv::MORPH_RECT, {3, 3});
-  for (const ColorView& view : views) {
+  for (const PosedPicture& view : views) {
     (*rasteriser)->Begin({});
     (*rasteriser)
         ->DrawDepth({mesh.positions, mesh.indices}, Eigen::Affine3d(view.T_world_color.inverse().matrix()),
@@ -204,8 +204,9 @@ Result<std::vector<ViewOcclusion>> FindOcclusions(const SurfaceMesh& mesh, const
   return occlusions;
 }
 
-Photometry SolvePhotometry(const std::vector<ColorView>& views, const std::vector<ViewOcclusion>& occlusions,
-                           const Rig& rig, const PanoramaGrid& grid, const cv::Mat1f& inverse_range) {
+Photometry SolvePhotometry(const std::vector<PosedPicture>& views,
+                           const std::vector<ViewOcclusion>& occlusions, const Rig& rig,
+                           const PanoramaGrid& grid, const cv::Mat1f& inverse_range) {
   MIX_CHECK(occlusions.size() == views.size());
   Photometry result;
   result.vignetting_a = rig.vignetting_a;
@@ -214,7 +215,7 @@ Photometry SolvePhotometry(const std::vector<ColorView>& views, const std::vecto
   const Lens lens(rig.color);
   std::vector<ViewGeometry> geometry;
   std::vector<cv::Mat3b> smooth;  // a point is a few pixels: misplacement by one does no harm
-  for (const ColorView& v : views) {
+  for (const PosedPicture& v : views) {
     geometry.emplace_back(v.T_world_color, grid.panorama().center);
     cv::Mat3b blurred;
     cv::blur(v.bgr, blurred, {5, 5});
@@ -314,7 +315,7 @@ Photometry SolvePhotometry(const std::vector<ColorView>& views, const std::vecto
   return result;
 }
 
-cv::Mat4b BlendColor(const std::vector<ColorView>& views, const std::vector<ViewOcclusion>& occlusions,
+cv::Mat4b BlendColor(const std::vector<PosedPicture>& views, const std::vector<ViewOcclusion>& occlusions,
                      const PinholeCamera& camera, const Photometry& photometry, const PanoramaGrid& grid,
                      const cv::Mat1f& inverse_range) {
   MIX_CHECK(occlusions.size() == views.size() && photometry.exposure.size() == views.size());

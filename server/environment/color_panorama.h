@@ -14,7 +14,7 @@
 
 namespace mixstage {
 
-struct ColorView {
+struct PosedPicture {
   cv::Mat3b bgr;  // sRGB, as the camera gave it
   RigidTransform T_world_color = RigidTransform::Identity();
 };
@@ -25,7 +25,7 @@ struct ViewOcclusion {
   cv::Mat1f depth_m;
 };
 Result<std::vector<ViewOcclusion>> FindOcclusions(const SurfaceMesh& mesh, const PinholeCamera& camera,
-                                                  const std::vector<ColorView>& views);
+                                                  const std::vector<PosedPicture>& views);
 
 struct Photometry {
   double vignetting_a = 0, vignetting_b = 0;  // gain 1 + a r^2 + b r^4, r = 1 at the half diagonal
@@ -36,12 +36,13 @@ struct Photometry {
 
 // Least squares over points that several views see: each has one radiance, each view one exposure, the lens
 // one vignetting. Clipped and dark pixels tell nothing. inverse_range [h x w] of the grid.
-Photometry SolvePhotometry(const std::vector<ColorView>& views, const std::vector<ViewOcclusion>& occlusions,
-                           const Rig& rig, const PanoramaGrid& grid, const cv::Mat1f& inverse_range);
+Photometry SolvePhotometry(const std::vector<PosedPicture>& views,
+                           const std::vector<ViewOcclusion>& occlusions, const Rig& rig,
+                           const PanoramaGrid& grid, const cv::Mat1f& inverse_range);
 
 // Colour of every pixel with a known range that a view sees; A = 0: none does. Coarse shades are mixed over
 // all views that see a point, details come from the one that sees it best: no seams, no double edges.
-cv::Mat4b BlendColor(const std::vector<ColorView>& views, const std::vector<ViewOcclusion>& occlusions,
+cv::Mat4b BlendColor(const std::vector<PosedPicture>& views, const std::vector<ViewOcclusion>& occlusions,
                      const PinholeCamera& camera, const Photometry& photometry, const PanoramaGrid& grid,
                      const cv::Mat1f& inverse_range);
 

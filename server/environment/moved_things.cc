@@ -95,7 +95,7 @@ std::vector<MovedThing> FindMovedThings(const std::vector<PanoramaPatch>& patche
 }
 
 void HideMovedThings(const std::vector<MovedThing>& things, const PinholeCamera& camera,
-                     const std::vector<ColorView>& views, float pitch_rad,
+                     const std::vector<PosedPicture>& views, float pitch_rad,
                      std::vector<ViewOcclusion>& occlusions) {
   std::vector<cv::Mat1b> marks(views.size());
   for (const MovedThing& thing : things) {

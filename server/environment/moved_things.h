@@ -32,7 +32,7 @@ std::vector<MovedThing> FindMovedThings(const std::vector<PanoramaPatch>& patche
 
 // Nothing of the room is seen through them: what a view shows there is no other view's surface.
 void HideMovedThings(const std::vector<MovedThing>& things, const PinholeCamera& camera,
-                     const std::vector<ColorView>& views, float pitch_rad,
+                     const std::vector<PosedPicture>& views, float pitch_rad,
                      std::vector<ViewOcclusion>& occlusions);
 
 }  // namespace mixstage

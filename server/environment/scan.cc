@@ -326,7 +326,7 @@ Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<
     for (const LoadedView& v : views) angles.push_back({v.listed.pan_deg, v.listed.tilt_deg});
     const SurfaceMesh draft = DraftMesh(surface.nodes, draft_layout.panorama);
     for (const int shrink : {8, 2, 1}) {
-      std::vector<ColorView> pictures;
+      std::vector<PosedPicture> pictures;
       for (std::size_t i = 0; i < views.size(); ++i) pictures.push_back({views[i].bgr, poses[i]});
       auto matches = MatchViews(draft, rig.color, pictures, shrink);
       if (!matches) return tl::unexpected(matches.error());
@@ -367,7 +367,7 @@ Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<
   FillNodes(surface.nodes, swept);
 
   step("color");
-  std::vector<ColorView> color_views;
+  std::vector<PosedPicture> color_views;
   for (std::size_t i = 0; i < views.size(); ++i) color_views.push_back({views[i].bgr, poses[i]});
   DenseSurface dense = MakeDense(surface.nodes, surface.fused, grid);
   SurfaceMesh mesh = MakeSurfaceMesh(dense, surface.nodes, grid, {});

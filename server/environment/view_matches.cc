@@ -83,7 +83,7 @@ std::vector<cv::Point> Places(const Level& level) {
 }  // namespace
 
 Result<std::vector<ViewMatch>> MatchViews(const SurfaceMesh& mesh, const PinholeCamera& camera,
-                                          const std::vector<ColorView>& views, int shrink) {
+                                          const std::vector<PosedPicture>& views, int shrink) {
   const PinholeCamera small = Shrunk(camera, shrink);
   if (small.width < 8 * kHalf || small.height < 8 * kHalf) return std::vector<ViewMatch>();
   auto rasteriser = CreateRasteriser(RasterBackend::kCpu, small, {});

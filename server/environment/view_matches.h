@@ -25,6 +25,6 @@ struct ViewMatch {
 
 // shrink: the pictures' pixels are so many of the camera's; what is searched for may be 3 of them away.
 Result<std::vector<ViewMatch>> MatchViews(const SurfaceMesh& mesh, const PinholeCamera& camera,
-                                          const std::vector<ColorView>& views, int shrink);
+                                          const std::vector<PosedPicture>& views, int shrink);
 
 }  // namespace mixstage

@@ -19,7 +19,7 @@ constexpr std::size_t kOdd = 2;  // the view that sees the block elsewhere
 struct Sweep {
   Rig rig = BoxRoomRig();
   RangeCamera camera = RangeCamera::Of(rig);
-  std::vector<ColorView> views;
+  std::vector<PosedPicture> views;
   PanoramaGrid grid{Panorama{.width = 1, .height = 1}};
   std::vector<PanoramaPatch> patches;
   FusedDepth fused;
