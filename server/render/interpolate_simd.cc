@@ -19,6 +19,8 @@ namespace hn = hwy::HWY_NAMESPACE;
 using D = hn::ScalableTag<float>;
 using V = hn::Vec<D>;
 
+namespace {
+
 struct V3 {
   V x, y, z;
 };
@@ -38,6 +40,8 @@ HWY_INLINE V4 Minus(const V4& a, const V4& b) {
   return {hn::Sub(a.x, b.x), hn::Sub(a.y, b.y), hn::Sub(a.z, b.z), hn::Sub(a.w, b.w)};
 }
 HWY_INLINE V Blend3(V base, V b, V one, V c, V two) { return hn::MulAdd(b, one, hn::MulAdd(c, two, base)); }
+
+}  // namespace
 
 void InterpolateVector(float pixel_rad, std::size_t count, FragmentRows& rows) {
   using enum FragmentRows::Row;

@@ -19,6 +19,7 @@ formatted() { sources | xargs clang-format --dry-run -Werror; }
 licensed() { ! sources | xargs grep -L 'SPDX-License-Identifier: Apache-2.0' | grep .; }
 small() { ! git ls-files -z | xargs -0 -I{} find {} -size +2M | grep .; }
 check include_order python3 tests/repo/include_order.py .
+check one_definition python3 tests/repo/one_definition.py .
 check formatted formatted
 check licensed licensed
 check small_files small
