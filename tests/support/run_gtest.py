@@ -29,7 +29,7 @@ with tempfile.TemporaryDirectory() as folder:
     logs = [open(os.path.join(folder, f"{i}.log"), "w+b") for i in range(options.shards)]
     runs = [start(i, reports[i], logs[i]) for i in range(options.shards)]
     for run, report, log in zip(runs, reports, logs):
-        ended = run.wait(timeout=1800)
+        ended = run.wait(timeout=3600)
         log.seek(0)
         output = log.read().decode(errors="replace")
         suites = json.load(open(report))["testsuites"] if os.path.exists(report) else None
