@@ -2,6 +2,7 @@
 #include "server/composite/relight.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace mixstage {
@@ -29,7 +30,16 @@ cv::Vec3f PixelFactor(const LightMap& map, const std::uint8_t* alpha, int x, int
 // sRGB codes are E = 1.055 L^(1/2.4) - 0.055 but for the darkest ten: light scaled by s gives
 // g (E + 0.055) - 0.055 with g = s^(1/2.4), and Y'CbCr is linear in that.
 constexpr float kOffset = 0.055f * 255;
-float CodeGain(float s) { return std::pow(std::max(s, 0.0f), 1 / 2.4f); }
+// g by a table of s, s in 0..1.
+float CodeGain(float s) {
+  constexpr int kSteps = 4096;
+  static const auto gains = [] {
+    std::array<float, kSteps + 1> table;
+    for (std::size_t i = 0; i <= kSteps; ++i) table[i] = std::pow(static_cast<float>(i) / kSteps, 1 / 2.4f);
+    return table;
+  }();
+  return gains[static_cast<std::size_t>(std::clamp(s, 0.0f, 1.0f) * kSteps + 0.5f)];
+}
 
 float Code(float value) { return std::min(std::max(value + 0.5f, 0.0f), 255.0f); }
 
@@ -41,6 +51,10 @@ struct TileGains {
   float gains[3][kStride][kStride];
   bool any = false;
 
+  void Ones() {
+    any = false;
+    std::fill_n(&gains[0][0][0], 3 * kStride * kStride, 1.0f);
+  }
   void Of(const cv::Mat3f& factors, const cv::Rect& tile) {
     any = false;
     for (int v = 0; v < kStride; ++v) {
@@ -92,7 +106,8 @@ void RelightPicture(const LightMap& map, ImageView<const std::uint8_t> alpha, co
   Row luma, blue, red, sum_blue, sum_red;
   ForTouched(map, {w, h}, [&](const cv::Rect& tile) {
     room.Of(map.room, tile);
-    actor.Of(map.actor, tile);
+    const cv::Rect factors(tile.x / 2, tile.y / 2, TileGains::kStride, TileGains::kStride);
+    (factors & map.actor_bounds).empty() ? actor.Ones() : actor.Of(map.actor, tile);
     if (!room.any && !actor.any) return;
     for (int y0 = tile.y; y0 < tile.br().y; y0 += block_h) {
       const std::uint8_t* cb = color.cb[y0 >> shift_y] + (tile.x >> shift_x);

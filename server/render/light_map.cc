@@ -2,6 +2,7 @@
 #include "server/render/light_map.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -374,24 +375,27 @@ void LightMapper::LightRoom(const LightMapInput& in) {
 }
 
 void LightMapper::LightActor(const LightMapInput& in) {
-  if (!actor_bounds_.empty()) map_.actor(actor_bounds_).setTo(cv::Scalar::all(1));
-  actor_bounds_ = {};
+  if (!map_.actor_bounds.empty()) map_.actor(map_.actor_bounds).setTo(cv::Scalar::all(1));
+  map_.actor_bounds = {};
   if (actor_shape_ == nullptr) return;
   const auto depth = [&](int x, int y) { return in.actor_depth_m.row(y)[x]; };
   for (int y0 = 0; y0 < half_.height; y0 += kTile) {
     for (int x0 = 0; x0 < half_.width; x0 += kTile) {
       const auto tile = TileAt(depth, x0, y0);
       if (!tile) continue;
-      actor_bounds_ |= tile->box;
+      map_.actor_bounds |= tile->box;
       Touch(tile->box, map_.touched);
-      // His depth comes from a coarser grid than that.
+      // His depth comes from a coarser grid than that; what hides ambient light from him changes slowly.
+      std::array<std::optional<float>, kTile * kTile / 16> hidden;
       for (int y = y0; y < tile->box.br().y; y += 2) {
         for (int x = x0; x < tile->box.br().x; x += 2) {
           const auto at = PointAt(depth, x, y);
           if (!at) continue;
           const Eigen::Vector3f ambient = light_.ambient.At(at->normal);
+          auto& hides = hidden[static_cast<std::size_t>((y - y0) / 4 * (kTile / 4) + (x - x0) / 4)];
+          if (!hides) hides = HiddenAmbient(*at);
           Eigen::Vector3f seen = ambient;
-          Eigen::Vector3f kept = (1 - (1 - kGivenBack) * HiddenAmbient(*at)) * ambient;
+          Eigen::Vector3f kept = (1 - (1 - kGivenBack) * *hides) * ambient;
           for (std::size_t i = 0; i < lamps_.size(); ++i) {
             const LampSample::Incident incident = lamps_[i].sample.At(at->position);
             const float received = incident.share * at->normal.dot(incident.toward);

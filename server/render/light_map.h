@@ -35,6 +35,7 @@ namespace mixstage {
 struct LightMap {
   cv::Mat3f room, actor;  // [Half(h) x Half(w)]
   static constexpr int kTile = 16;
+  cv::Rect actor_bounds;          // of actor's factors: 1 outside
   cv::Mat1b touched;              // one a square of kTile factors: 0 = room and actor stay as they are there
   std::uint64_t cg_revision = 0;  // rises whenever the virtual objects' factors, or their picture, change
   cv::Rect cg_bounds;             // the same for virtual objects
@@ -151,7 +152,6 @@ class LightMapper {
   LightMap map_;
   Spots room_, cg_;
   cv::Mat1b room_touched_;
-  cv::Rect actor_bounds_;
   // Scratch.
   Lamps shaded_;
   std::vector<std::uint8_t> hiding_;  // one an object: 0 = too far away to hide ambient light

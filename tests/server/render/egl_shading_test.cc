@@ -70,10 +70,10 @@ class EglShadingTest : public testing::Test {
 Illumination Lamps() {
   Illumination light;
   light.ambient = test::UnevenAmbient();
-  Light sun;
-  sun.shape = DirectionalLight{Eigen::Vector3d(-0.5, -1, -1).normalized()};
-  sun.color = {1, 0.9f, 0.8f};
-  sun.intensity = 0.4f;
+  const Light sun{.name = "sun",
+                  .shape = DirectionalLight{Eigen::Vector3d(-0.5, -1, -1).normalized()},
+                  .color = {1, 0.9f, 0.8f},
+                  .intensity = 0.4f};
   Light point;
   point.shape = PointLight{Eigen::Vector3d(0.5, -0.5, 1.5)};
   point.intensity = 0.5f;
