@@ -71,7 +71,7 @@ if [ -n "$take" ]; then
 else
   # A copy: what a director saves must not change the demonstration.
   rm -rf "$root/build/demo" && cp -r "$root/deploy/demo" "$root/build/demo"
-  scene=${scene:-$root/build/demo/scene.yaml}
+  scene=${scene:-$root/build/demo/show.yaml}
   studio=$root/build/demo/studio
   mkdir "$studio"
   prepare_studio "$studio"

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Makes the demo's two CG objects, amphora.glb and sculpture.glb, beside this file (or in the folder given).
+"""Makes the demo's CG objects, amphora.glb, sculpture.glb, table.glb and ball.glb, beside this file (or in the folder given).
 
 Everything is computed: the same bytes on every run. y up, metres, standing on y = 0 about the y axis.
 Needs only Python's own library.
@@ -115,6 +115,23 @@ def ribbon_paint(u, v):
     if s < 0.10 or 0.40 < s < 0.50:
         return (240, 208, 130)
     return mix((16, 108, 116), (40, 168, 160), 0.5 + 0.5 * math.sin(2 * math.pi * (24 * u))) if s < 0.40 else (196, 72, 52)
+
+
+def oak_paint(u, v):
+    """Grain along u."""
+    grain = sum(noise(u, v, 2 << k, 21 + k) / (1 << k) for k in range(2))
+    ring = 0.5 + 0.5 * math.sin(2 * math.pi * (9 * v + 0.8 * grain))
+    return mix((122, 74, 40), (174, 116, 68), 0.25 + 0.5 * ring * ring + 0.25 * noise(u, v, 48, 5))
+
+
+def ball_paint(u, v):
+    """Six gores with white seams, a cap at either end."""
+    if v < 0.07 or v > 0.93:
+        return (244, 240, 230)
+    gore = u * 6
+    if abs(gore - round(gore)) < 0.05:
+        return (244, 240, 230)
+    return ((226, 74, 44), (248, 186, 52), (34, 118, 184))[int(gore) % 3]
 
 
 # ---- shapes ---------------------------------------------------------------------------------------------------
@@ -291,6 +308,34 @@ def sculpture():
     return [(column, "slate", png(128, 128, slate_paint), 0.0, 0.5), (knot, "enamel", png(512, 64, ribbon_paint), 0.0, 0.25)]
 
 
+def table():
+    """A small round one on a turned foot."""
+    top, height = 0.21, 0.66
+    wood = Part()
+    foot = smooth_profile([(0.158, 0.014), (0.120, 0.030), (0.040, 0.075), (0.026, 0.16), (0.030, 0.34), (0.040, 0.40), (0.026, 0.46),
+                           (0.030, height - 0.05), (0.062, height - 0.026)], 28)
+    edge = [(top - 0.006, height - 0.026), (top, height - 0.020), (top, height - 0.006), (top - 0.006, height)]
+    lathe(wood, [(0.152, 0.0), (0.158, 0.004)] + foot, 36, lambda i, y: 1.2 * y)
+    lathe(wood, [(0.062, height - 0.026)] + edge, 36, lambda i, y: 0.1 * i)
+    middle = wood.vertex((0.0, height, 0.0), (0.0, 1.0, 0.0), (0.5, 0.5))
+    rim = []
+    for k in range(37):
+        a = 2 * math.pi * k / 36
+        x, z = (top - 0.006) * math.cos(a), (top - 0.006) * math.sin(a)
+        rim.append(wood.vertex((x, height, z), (0.0, 1.0, 0.0), (0.5 + x, 0.5 + z)))
+    for a, b in zip(rim, rim[1:]):
+        wood.triangle(middle, a, b)
+    return [(wood, "oak", png(192, 192, oak_paint), 0.0, 0.4)]
+
+
+def ball():
+    radius, rings = 0.11, 24
+    skin = Part()
+    profile = [(radius * math.sin(math.pi * i / rings), radius - radius * math.cos(math.pi * i / rings)) for i in range(rings + 1)]
+    lathe(skin, profile, 36, lambda i, y: i / rings)
+    return [(skin, "rubber", png(240, 96, ball_paint), 0.0, 0.3)]
+
+
 # ---- glTF -----------------------------------------------------------------------------------------------------
 
 def write_glb(path, parts):
@@ -348,6 +393,8 @@ def main():
     folder = folder if folder.is_dir() else folder.parent
     write_glb(folder / "amphora.glb", amphora())
     write_glb(folder / "sculpture.glb", sculpture())
+    write_glb(folder / "table.glb", table())
+    write_glb(folder / "ball.glb", ball())
 
 
 if __name__ == "__main__":
