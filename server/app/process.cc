@@ -49,7 +49,7 @@ std::array<double, 3> Numbers(const Eigen::Vector3d& v) { return {v.x(), v.y(), 
 
 Json ToJson(const PhysicsEvent& event, double take_t_s) {
   Json json = {{"event", PhysicsEventName(event.kind)}, {"timestamp", take_t_s}, {"object", event.name}};
-  if (event.kind == PhysicsEventKind::kProblem) {
+  if (event.kind == PhysicsEventKind::kProblem || event.kind == PhysicsEventKind::kMessage) {
     json["text"] = event.text;
     return json;
   }

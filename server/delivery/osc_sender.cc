@@ -54,6 +54,7 @@ std::vector<std::uint8_t> OscMessage(const PhysicsEvent& event) {
       add(event.point);
       break;
     case PhysicsEventKind::kProblem:
+    case PhysicsEventKind::kMessage:
       AddText(bytes, ",ss");
       AddText(bytes, event.name);
       AddText(bytes, event.text);

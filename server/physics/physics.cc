@@ -120,7 +120,7 @@ struct Inside : btCollisionWorld::ContactResultCallback {
 }  // namespace
 
 const char* PhysicsEventName(PhysicsEventKind kind) {
-  constexpr const char* kNames[] = {"touch", "rest", "problem"};
+  constexpr const char* kNames[] = {"touch", "rest", "problem", "message"};
   return kNames[static_cast<int>(kind) - 1];
 }
 
@@ -598,6 +598,18 @@ void Physics::SetScene(const Scene& scene) {
       s.Enter(source.id, object, free && !object.free_at);
     }
   }
+}
+
+void Physics::PutBack(const SceneObject& source) {
+  State& s = *state_;
+  const auto found = s.objects.find(source.id);
+  if (found == s.objects.end() || !found->second.body) return;
+  State::Object& object = found->second;
+  s.Wake(*object.body);
+  object.T_put = object.T_now = source.T_scene_object;
+  object.unable = false;
+  object.free_at.reset();
+  s.Enter(source.id, object, object.drop);
 }
 
 bool Physics::active() const { return state_->active; }

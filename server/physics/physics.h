@@ -58,6 +58,9 @@ class Physics {
   // stands deeper in it, or whose size is none, stays where it was put, and a problem says so.
   void SetScene(const Scene& scene);
 
+  // An object of that scene starts again, at rest, where the scene has it.
+  void PutBack(const SceneObject& object);
+
   // Whether anything may move: an object is free and shown.
   [[nodiscard]] bool active() const;
   // Where in the scene the actor matters: boxes about the free objects that he may touch, 0.5 m larger.

@@ -13,8 +13,9 @@ enum class PhysicsEventKind {
   kTouch = 1,  // a free object met another object, the room or the actor
   kRest,       // it has come to rest
   kProblem,    // it cannot fall: text says why
+  kMessage,    // what the scene says when they meet (Reactions): text
 };
-[[nodiscard]] const char* PhysicsEventName(PhysicsEventKind kind);  // "touch", "rest", "problem"
+[[nodiscard]] const char* PhysicsEventName(PhysicsEventKind kind);  // "touch", "rest", "problem", "message"
 
 struct PhysicsEvent {
   PhysicsEventKind kind = PhysicsEventKind::kTouch;
@@ -28,7 +29,7 @@ struct PhysicsEvent {
   Eigen::Vector3d point = Eigen::Vector3d::Zero();   // scene frame
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();  // of length 1, toward the object
   double impulse_ns = 0;                             // N s, of the step in which they met
-  std::string text{};                                // of a problem: one sentence
+  std::string text{};                                // of a problem or message: one sentence
 };
 
 }  // namespace mixstage

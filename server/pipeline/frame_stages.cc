@@ -91,6 +91,7 @@ Studio::Studio(StudioSetup setup)
   if (setup.scene) {
     scene_ = std::make_shared<const Scene>(std::move(*setup.scene));
     posed_ = *scene_;
+    reactions_.SetScene(*scene_, posed_);
   }
 }
 
@@ -208,8 +209,9 @@ void Studio::SetScene(std::shared_ptr<const Scene> scene) {
   MIX_CHECK(scene != nullptr && scene_ != nullptr && scene->frame == scene_->frame);
   scene_ = std::move(scene);
   posed_ = *scene_;
+  reactions_.SetScene(*scene_, posed_);
   if (physics_) physics_->SetScene(*scene_);
-  illumination_ = IlluminationOf(*scene_, RoomRadianceOrNull());
+  illumination_ = IlluminationOf(posed_, RoomRadianceOrNull());
 }
 
 std::vector<MovedObject> Studio::TakeMoved() {
@@ -447,6 +449,8 @@ void FrameStages::StepPhysics(Studio& s, Frame& f) {
       t_us, s.actor_collider_->Run(View(std::as_const(f.actor_depth_m)), T_scene_color, reach, t_us));
   s.moved_ |= s.physics_->WritePoses(s.posed_);
   f.events = s.physics_->TakeEvents();
+  if (s.reactions_.Step(t_us, f.events, *s.physics_, s.posed_))
+    s.illumination_ = IlluminationOf(s.posed_, s.RoomRadianceOrNull());
   for (const PhysicsEvent& event : f.events) {
     if (event.kind == PhysicsEventKind::kProblem) spdlog::warn("physics {}", event.text);
   }

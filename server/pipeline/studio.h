@@ -14,6 +14,7 @@
 #include "server/environment/environment_folder.h"
 #include "server/physics/actor_collider.h"
 #include "server/physics/physics.h"
+#include "server/physics/reactions.h"
 #include "server/pipeline/frame.h"
 #include "server/pipeline/room_learner.h"
 #include "server/pipeline/stage_times.h"
@@ -152,7 +153,8 @@ class Studio {
   // step_physics: null until something falls, where there is no scanned world
   std::unique_ptr<Physics> physics_;
   std::unique_ptr<ActorCollider> actor_collider_;
-  Scene posed_;              // scene_, its objects where physics has them
+  Scene posed_;  // scene_, its objects where physics has them
+  Reactions reactions_;
   bool room_is_new_ = true;  // physics has not heard of it yet
   bool moved_ = false;
   std::vector<Eigen::Vector3f> surface_positions_;

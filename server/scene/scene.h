@@ -93,12 +93,35 @@ struct Reflector {
   double reflectivity = 0, roughness = 0;  // 0..1
 };
 
+// What follows when an object meets something.
+struct SendMessage {
+  std::string text;
+  bool operator==(const SendMessage&) const = default;
+};
+struct DimLight {
+  std::string light;
+  float intensity = 0;  // from then on
+  bool operator==(const DimLight&) const = default;
+};
+struct PutBack {
+  std::string object;  // to where the scene has it, at rest
+  bool operator==(const PutBack&) const = default;
+};
+struct Reaction {
+  std::string object, meets;  // as events name them (PhysicsEvent::name, with)
+  double least_impulse_ns = 0;
+  double after_s = 0;
+  std::variant<SendMessage, DimLight, PutBack> action;
+  bool operator==(const Reaction&) const = default;
+};
+
 struct Scene {
   SceneFrame frame = SceneFrame::kWorld;
   std::vector<SceneObject> objects;
   std::vector<Light> lights;       // empty: those of the environment, or the default light
   std::optional<Ambient> ambient;  // nothing: as usual with, or without, lights
   std::vector<Reflector> reflectors;
+  std::vector<Reaction> reactions;
   std::uint64_t revision =
       1;  // whoever changes the scene raises it; pictures drawn of an older one are stale
 };

@@ -28,6 +28,7 @@ Result<LoadedScene> LoadScene(const std::filesystem::path& file, const ModelLoad
   for (std::uint32_t id = 1; Light & light : loaded.scene.lights) light.id = id++;
   loaded.scene.ambient = description->ambient;
   loaded.scene.reflectors = std::move(description->reflectors);
+  loaded.scene.reactions = std::move(description->reactions);
   for (SceneDescription::Object& object : description->objects) {
     const std::string place =
         file.string() + ":" + std::to_string(object.line) + ": object " + object.name + ": file";

@@ -25,8 +25,8 @@ struct LoadedScene {
 inline constexpr std::size_t kSceneFileBytes = 1u << 20;
 inline constexpr std::size_t kMaxSceneTriangles = 2 * ModelLimits::kTriangles;  // instances counted
 
-// Reads the file and, by `load`, every model it names. At most 1 MB, 256 objects, 64 lights, 16 reflectors.
-// Objects and lights get the ids 1, 2, ... in the file's order.
+// Reads the file and, by `load`, every model it names. At most 1 MB, 256 objects, 64 lights, 16 reflectors,
+// 64 reactions. Objects and lights get the ids 1, 2, ... in the file's order.
 Result<LoadedScene> LoadScene(const std::filesystem::path& file, const ModelLoader& load);
 
 // What scene.yaml says, before any model is read. place: "scene.yaml" for messages.
@@ -46,6 +46,7 @@ struct SceneDescription {
   std::vector<Light> lights;
   std::optional<Ambient> ambient;
   std::vector<Reflector> reflectors;
+  std::vector<Reaction> reactions;
   std::vector<std::string> warnings;
 };
 Result<SceneDescription> ParseScene(const std::string& yaml_text, const std::string& place);

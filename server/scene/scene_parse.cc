@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <cmath>
 #include <set>
 
@@ -12,6 +13,7 @@ namespace {
 constexpr std::size_t kMostObjects = 256;
 constexpr std::size_t kMostLights = 64;
 constexpr std::size_t kMostReflectors = 16;
+constexpr std::size_t kMostReactions = 64;
 constexpr std::size_t kMostCorners = 256;
 constexpr double kFarthest = 1e5;  // m
 
@@ -198,6 +200,43 @@ Status ReadAmbient(YamlFields& root, SceneDescription& scene) {
   return {};
 }
 
+Status ReadReaction(YamlFields& f, std::size_t, SceneDescription& scene) {
+  Reaction reaction;
+  SendMessage message;
+  DimLight dim;
+  PutBack back;
+  double intensity = 0;
+  if (auto ok = All({f.Text("object", reaction.object), f.Text("meets", reaction.meets),
+                     f.NumberIn("least_impulse_ns", 0, 1e6, reaction.least_impulse_ns),
+                     f.NumberIn("after_s", 0, 3600, reaction.after_s), f.Text("message", message.text),
+                     f.Text("light", dim.light), f.NumberIn("intensity", 0, 1e6, intensity),
+                     f.Text("put_back", back.object)});
+      !ok)
+    return ok;
+  dim.intensity = static_cast<float>(intensity);
+  const auto names = [&](const auto& list, const std::string& name) {
+    return std::ranges::any_of(list, [&](const auto& entry) { return entry.name == name; });
+  };
+  for (const char* key : {"object", "meets"}) {
+    if (!f.Has(key)) return f.Bad(key, "is missing: a reaction needs object and meets");
+  }
+  if (!names(scene.objects, reaction.object)) return f.Bad("object", "names no object: " + reaction.object);
+  if (f.Has("message") + f.Has("light") + f.Has("put_back") != 1)
+    return f.Bad("object", "reacts by message, light or put_back, one of them");
+  if (f.Has("light") != f.Has("intensity")) return f.Bad("light", "and intensity belong together");
+  if (f.Has("message")) {
+    reaction.action = message;
+  } else if (f.Has("light")) {
+    if (!names(scene.lights, dim.light)) return f.Bad("light", "names no light of the scene: " + dim.light);
+    reaction.action = dim;
+  } else {
+    if (!names(scene.objects, back.object)) return f.Bad("put_back", "names no object: " + back.object);
+    reaction.action = back;
+  }
+  scene.reactions.push_back(std::move(reaction));
+  return f.CheckAllKnown();
+}
+
 template <typename Read>
 Status ReadList(YamlFields& root, const char* key, std::size_t limit, SceneDescription& scene, Read read) {
   auto entries = root.List(key, limit);
@@ -226,6 +265,8 @@ Result<SceneDescription> Parse(const std::string& text, const std::string& place
     return tl::unexpected(ok.error());
   if (auto ok = ReadAmbient(*root, scene); !ok) return tl::unexpected(ok.error());
   if (auto ok = ReadList(*root, "reflectors", kMostReflectors, scene, ReadReflector); !ok)
+    return tl::unexpected(ok.error());
+  if (auto ok = ReadList(*root, "reactions", kMostReactions, scene, ReadReaction); !ok)
     return tl::unexpected(ok.error());
   if (auto ok = root->CheckAllKnown(); !ok) return tl::unexpected(ok.error());
   return scene;

@@ -113,6 +113,20 @@ std::string ReflectorYaml(const Reflector& reflector) {
          ", roughness: " + Number(reflector.roughness) + "}\n";
 }
 
+std::string ReactionYaml(const Reaction& reaction) {
+  std::string text = "  - {object: " + Quoted(reaction.object) + ", meets: " + Quoted(reaction.meets);
+  if (reaction.least_impulse_ns > 0) text += ", least_impulse_ns: " + Number(reaction.least_impulse_ns);
+  if (reaction.after_s > 0) text += ", after_s: " + Number(reaction.after_s);
+  if (const auto* message = std::get_if<SendMessage>(&reaction.action)) {
+    text += ", message: " + Quoted(message->text);
+  } else if (const auto* dim = std::get_if<DimLight>(&reaction.action)) {
+    text += ", light: " + Quoted(dim->light) + ", intensity: " + Number(dim->intensity);
+  } else {
+    text += ", put_back: " + Quoted(std::get<PutBack>(reaction.action).object);
+  }
+  return text + "}\n";
+}
+
 Status Failed(const fs::path& file, const char* what, int error) {
   return Fail(ErrorCode::kUnavailable, file.string() + ": " + what + " (" + std::strerror(error) + ")");
 }
@@ -188,6 +202,8 @@ std::string ToYaml(const Scene& scene) {
   for (const Light& light : scene.lights) text += LightYaml(light);
   if (!scene.reflectors.empty()) text += "reflectors:\n";
   for (const Reflector& reflector : scene.reflectors) text += ReflectorYaml(reflector);
+  if (!scene.reactions.empty()) text += "reactions:\n";
+  for (const Reaction& reaction : scene.reactions) text += ReactionYaml(reaction);
   return text;
 }
 

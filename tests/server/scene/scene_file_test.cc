@@ -117,6 +117,18 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"reflectors:\n  - {plane: [0, 0, 0, 1]}\n", "reflectors[0].plane has a normal of length 0"},
         Mistake{"reflectors:\n  - {plane: [0, 0, 1, 0], polygon: [[0, 0], [1, 1], [2, 2]]}\n",
                 "reflectors[0].polygon has a corner"},
+        Mistake{"reactions:\n  - {object: a, meets: floor, message: x}\n",
+                "reactions[0].object names no object: a"},
+        Mistake{"objects:\n  - {name: a, file: a.glb}\nreactions:\n  - {object: a, message: x}\n",
+                "reactions[0].meets is missing"},
+        Mistake{"objects:\n  - {name: a, file: a.glb}\nreactions:\n  - {object: a, meets: b}\n",
+                "reacts by message, light or put_back"},
+        Mistake{"objects:\n  - {name: a, file: a.glb}\nreactions:\n  - {object: a, meets: b, light: sun, "
+                "intensity: 1}\n",
+                "reactions[0].light names no light of the scene: sun"},
+        Mistake{"objects:\n  - {name: a, file: a.glb}\nreactions:\n  - {object: a, meets: b, message: x, "
+                "after_s: -1}\n",
+                "reactions[0].after_s is outside"},
         Mistake{"a: [1, 2\nb: }\n", "scene.yaml:2"}, Mistake{"- 1\n- 2\n", "the file is not a mapping"},
         Mistake{"", "scene.yaml"}));
 

@@ -64,6 +64,7 @@ void ExpectEqual(const Scene& a, const Scene& b) {
                 std::get<PointLight>(b.lights[i].shape).position);
     }
   }
+  EXPECT_EQ(a.reactions, b.reactions);
   ASSERT_EQ(a.reflectors.size(), b.reflectors.size());
   for (std::size_t i = 0; i < a.reflectors.size(); ++i) {
     EXPECT_EQ(a.reflectors[i].name, b.reflectors[i].name);
@@ -91,9 +92,14 @@ lights:
   - {name: bulb, kind: point, position: [1, 1, 2.2]}
 reflectors:
   - {name: desk, plane: [0.1, 0.2, 2, -1.5], polygon: [[0, 0, 0.75], [1, 0, 0.75], [0, 1.1, 0.75]], reflectivity: 0.15, roughness: 0.1}
+reactions:
+  - {object: c, meets: floor, after_s: 2.5, put_back: "true"}
+  - {object: c, meets: "true", least_impulse_ns: 0.3, light: bulb, intensity: 0.7}
+  - {object: c, meets: actor, message: "# \"ouch\""}
 )");
   const Scene scene = Loaded(file);
   ASSERT_EQ(scene.objects.size(), 3u);
+  ASSERT_EQ(scene.reactions.size(), 3u);
   ASSERT_TRUE(WriteScene(scene, file));
   const Scene again = Loaded(file);
   ExpectEqual(scene, again);
