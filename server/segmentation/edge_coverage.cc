@@ -169,7 +169,8 @@ float LookAround(const HalfPicture& picture, const BackgroundModel& model, const
     if (u < 0 || v < 0 || u >= inner.cols || v >= inner.rows) continue;
     if (inner.ptr<std::uint8_t>(v)[u] != 0) {
       block->F[static_cast<std::size_t>(block->candidates++)] = At(picture, u, v);
-    } else if (outer.ptr<std::uint8_t>(v)[u] == 0) {
+    } else if (outer.ptr<std::uint8_t>(v)[u] == 0 &&
+               (empty == 0 || offset.x * offset.x + offset.y * offset.y <= 8)) {
       now += static_cast<float>(picture.g.ptr<std::uint8_t>(v)[u]);
       empty += tone.gain[1] * model.mean[1].ptr<float>(v)[u] + tone.offset[1];
     }

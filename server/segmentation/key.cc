@@ -63,9 +63,11 @@ void Key::Run(const BackgroundModel& model, ImageView<const std::uint8_t> luma, 
   if (!actor_around_.empty() && actor_around_.size() != half) actor_around_.release();
 
   tone_ = FindToneChange(picture, model.mean, actor_around_);
-  shadow_texture_.Run(picture, model, tone_, &texture_);
+  shadow_texture_.Run(picture, model, tone_, &texture_, &most_);
   actor_colors_.Rate(picture, &likelihood_);
   FindColorEvidence(picture, model, tone_, config_.shadow, texture_, likelihood_, &color_);
+  EnlargeEvidence(most_, 1 / kEvidencePerByte, kNoEvidence, half, &most_small_, &most_bytes_);
+  cv::min(cv::InputArray(color_.shadow), most_bytes_, color_.shadow);
   room_mean_.Run(color_.room, &room_around_);
 
   if (!depth_m.empty() && model.has_depth()) {

@@ -71,7 +71,8 @@ class Key {
   EdgeCoverage edge_coverage_;
   ColorEvidence color_;
   BoxMean room_mean_{2};
-  cv::Mat1f texture_;
+  cv::Mat1f texture_, most_;              // [Quarter x Quarter] of ShadowTexture
+  cv::Mat1b most_small_, most_bytes_;     // the second as bytes, and at half size
   cv::Mat1b likelihood_, core_;           // [Half x Half]
   cv::Mat1b room_around_;                 // [Half x Half] mean of color_.room over 5x5
   cv::Mat1b depth_small_, inside_small_;  // [Quarter x Quarter] as bytes

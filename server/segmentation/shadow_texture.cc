@@ -20,6 +20,8 @@ struct TextureRow {  // one row at half resolution in, every second pixel out
   const std::uint8_t* g;
   const std::uint8_t* b;
   const float* room;
+  float* now;
+  float* own_room;
   float* now_now;
   float* now_room;
   float* room_room;
@@ -33,9 +35,9 @@ namespace mixstage {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Adds a row's products to `out` (first = 0) or on top of it (first = 1: keep); every second column is
-// enough, since the window that follows covers 6x6 of these pixels and neighbours are already means of four
-// samples.
+// Adds a row's lumas and their products to `out` (first = 0) or on top of it (first = 1: keep); every second
+// column is enough, since the window that follows covers 6x6 of these pixels and neighbours are already means
+// of four samples.
 void AddProducts(const TextureRow& row, int width, float gain, float offset, float keep) {
   const hn::ScalableTag<float> d;
   const hn::Rebind<std::int32_t, decltype(d)> d32;
@@ -55,6 +57,8 @@ void AddProducts(const TextureRow& row, int width, float gain, float offset, flo
     hn::LoadInterleaved2(d, row.room + 2 * x, mean, unused);
     const auto room = hn::MulAdd(mean, hn::Set(d, gain), hn::Set(d, offset));
     const auto kept = hn::Set(d, keep);
+    hn::StoreU(hn::MulAdd(kept, hn::LoadU(d, row.now + x), now), d, row.now + x);
+    hn::StoreU(hn::MulAdd(kept, hn::LoadU(d, row.own_room + x), room), d, row.own_room + x);
     hn::StoreU(hn::MulAdd(now, now, hn::Mul(kept, hn::LoadU(d, row.now_now + x))), d, row.now_now + x);
     hn::StoreU(hn::MulAdd(now, room, hn::Mul(kept, hn::LoadU(d, row.now_room + x))), d, row.now_room + x);
     hn::StoreU(hn::MulAdd(room, room, hn::Mul(kept, hn::LoadU(d, row.room_room + x))), d, row.room_room + x);
@@ -62,6 +66,8 @@ void AddProducts(const TextureRow& row, int width, float gain, float offset, flo
   for (; x < (width + 1) / 2; ++x) {
     const float now = 0.299f * row.r[2 * x] + 0.587f * row.g[2 * x] + 0.114f * row.b[2 * x];
     const float room = row.room[2 * x] * gain + offset;
+    row.now[x] = row.now[x] * keep + now;
+    row.own_room[x] = row.own_room[x] * keep + room;
     row.now_now[x] = row.now_now[x] * keep + now * now;
     row.now_room[x] = row.now_room[x] * keep + now * room;
     row.room_room[x] = row.room_room[x] * keep + room * room;
@@ -77,11 +83,20 @@ namespace mixstage {
 
 HWY_EXPORT(AddProducts);
 
+namespace {
+
+// Contrast kept, as shares of the brightness kept.
+constexpr float kLeastContrast = 0.3f, kMostContrast = 1.5f;
+// Log-odds: nothing said, less for each time that the room explains what it leaves, and the least.
+constexpr float kSaturated = 8, kPerRatio = 3, kSurelyRoom = -5;
+
+}  // namespace
+
 void ShadowTexture::Run(const HalfPicture& picture, const BackgroundModel& model, const ToneChange& tone,
-                        cv::Mat1f* texture) {
+                        cv::Mat1f* texture, cv::Mat1f* most) {
   const int rows = Half(picture.height());
   const int columns = Half(picture.width());
-  for (cv::Mat1f* plane : {&now_now_, &now_room_, &room_room_}) {
+  for (cv::Mat1f* plane : {&now_, &room_, &now_now_, &now_room_, &room_room_}) {
     if (plane->rows == rows && plane->cols == columns) continue;
     plane->create(rows, columns);
     plane->setTo(0);
@@ -94,6 +109,8 @@ void ShadowTexture::Run(const HalfPicture& picture, const BackgroundModel& model
                               picture.g.ptr<std::uint8_t>(from),
                               picture.b.ptr<std::uint8_t>(from),
                               model.mean_luma.ptr<float>(from),
+                              now_.ptr<float>(y),
+                              room_.ptr<float>(y),
                               now_now_.ptr<float>(y),
                               now_room_.ptr<float>(y),
                               room_room_.ptr<float>(y)};
@@ -102,7 +119,7 @@ void ShadowTexture::Run(const HalfPicture& picture, const BackgroundModel& model
       (row, picture.width(), tone.luma_gain(), tone.luma_offset(), static_cast<float>(k));
     }
   }
-  for (cv::Mat1f* plane : {&now_now_, &now_room_, &room_room_}) MeanOf3x3(plane);
+  for (cv::Mat1f* plane : {&now_, &room_, &now_now_, &now_room_, &room_room_}) MeanOf3x3(plane);
   for (int y = 0; y < rows; ++y) {
     const float* now_now = now_now_.ptr<float>(y);
     const float* now_room = now_room_.ptr<float>(y);
@@ -120,6 +137,37 @@ void ShadowTexture::Run(const HalfPicture& picture, const BackgroundModel& model
   // Of the windows that hold a pixel the one that the shadow explains best: others reach across the actor's
   // outline.
   cv::erode(*texture, *texture, cv::getStructuringElement(cv::MORPH_RECT, {3, 3}));
+  Compare(model, most);
+}
+
+// The picture's luma as a line of the room's, over a wider window: what the line explains beside what it
+// leaves.
+void ShadowTexture::Compare(const BackgroundModel& model, cv::Mat1f* most) {
+  for (cv::Mat1f* plane : {&now_, &room_, &now_now_, &now_room_, &room_room_}) MeanOf3x3(plane);
+  most->create(now_.size());
+  for (int y = 0; y < now_.rows; ++y) {
+    const float* now = now_.ptr<float>(y);
+    const float* room = room_.ptr<float>(y);
+    const float* now_now = now_now_.ptr<float>(y);
+    const float* now_room = now_room_.ptr<float>(y);
+    const float* room_room = room_room_.ptr<float>(y);
+    const float* noise = model.texture_noise.ptr<float>(y);
+    float* __restrict out = most->ptr<float>(y);
+    for (int x = 0; x < now_.cols; ++x) {
+      // The planes hold two pixels' sums.
+      const float common = 0.5f * now_room[x] - 0.25f * now[x] * room[x];
+      const float room_variance = std::max(0.5f * room_room[x] - 0.25f * room[x] * room[x], 1e-3f);
+      const float now_variance = 0.5f * now_now[x] - 0.25f * now[x] * now[x];
+      const float slope = common / room_variance;
+      const float explained = slope * common;
+      const float left = std::max(now_variance - explained, 0.0f) + 0.5f * noise[x] + 1.0f;
+      // Light scales brightness and contrast alike; a reflection adds some of the one.
+      const float brightness = now[x] / std::max(room[x], 1.0f);
+      const bool alike = (slope > kLeastContrast * brightness) & (slope < kMostContrast * brightness);
+      const float ratio = alike ? explained / left : 0.0f;
+      out[x] = std::max(kSaturated - kPerRatio * ratio, kSurelyRoom);
+    }
+  }
 }
 
 }  // namespace mixstage

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // A shadow scales the room's texture, an actor replaces it: the part of piVE 3's shadow label that one pixel
-// cannot see.
+// cannot see. And what goes with the room's texture shows the room, in whatever light: a reflection's colour
+// is neither the room's nor a shadow's.
 #pragma once
 
 #include <opencv2/core.hpp>
@@ -14,13 +15,17 @@ namespace mixstage {
 class ShadowTexture {
  public:
   // texture [Quarter(h) x Quarter(w)] out: log-odds >= 0 against "shadow", from the residual of the best
-  // brightness factor over a window of about 12 full pixels a side, in units of the noise. Allocates on a new
-  // size only.
+  // brightness factor over a window of about 12 full pixels a side, in units of the noise.
+  // most [Quarter(h) x Quarter(w)] out: log-odds that colour can have against "the room in another light" at
+  // most, from what of the picture's contrast over about 20 pixels a side the room's own explains. Allocates
+  // on a new size only.
   void Run(const HalfPicture& picture, const BackgroundModel& model, const ToneChange& tone,
-           cv::Mat1f* texture);
+           cv::Mat1f* texture, cv::Mat1f* most);
 
  private:
-  cv::Mat1f now_now_, now_room_, room_room_;  // windowed means of products of luma
+  void Compare(const BackgroundModel& model, cv::Mat1f* most);
+
+  cv::Mat1f now_, room_, now_now_, now_room_, room_room_;  // windowed means of luma and its products
 };
 
 }  // namespace mixstage

@@ -71,6 +71,16 @@ TEST_F(KeyTest, ShadowIsLabelledAndCountsAsBackground) {
   EXPECT_EQ(cv::countNonZero(alpha_), 0);
 }
 
+TEST_F(KeyTest, AReflectionIsTheRoomByItsTexture) {
+  const cv::Rect half(kActor.x / 2, kActor.y / 2, kActor.width / 2, kActor.height / 2);
+  cv::Mat r = room_.picture.r(half), g = room_.picture.g(half), b = room_.picture.b(half);
+  r.convertTo(r, -1, 0.9, -10);
+  g.convertTo(g, -1, 0.8, 25);
+  b.convertTo(b, -1, 0.8, -30);  // of something yellow
+  Run(room_.Depth());
+  EXPECT_LT(Share(kActor, kLabelActor), 0.02);
+}
+
 TEST_F(KeyTest, DepthInFrontIsNoShadowHoweverMuchItLooksLikeOne) {
   room_.Darken(kActor, 0.75f);
   room_.PaintDepth(kActor, 2.0f);
