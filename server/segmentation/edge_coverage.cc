@@ -45,6 +45,8 @@ inline constexpr std::array<Offset, 16> kAround = {{{2, 0},
 inline constexpr float kClothSigma = 6.0f;
 // What the decision's own coverage is worth beside the colour's residual, in squared sigmas.
 inline constexpr float kDecisionWeight = 18.0f;
+// The same between one F and another: any mixture can be explained by some F and its own a.
+inline constexpr float kChoiceWeight = 60.0f;
 // Square root of three: most of the noise is luma's, which three channels show but one time.
 inline constexpr float kOneOfThree = 1.732f;
 
@@ -105,7 +107,7 @@ HWY_INLINE void SolvePixels(D d, const Block& block, std::size_t first, BlockMat
     const V a = hn::Min(hn::Max(ratio, zero), one);
     const V residual = hn::MulAdd(a, hn::Sub(hn::Mul(a, contrast), hn::Add(along, along)), length);
     const V off = hn::Sub(a, prior);
-    const V cost = hn::MulAdd(hn::Mul(weight, off), off, residual);
+    const V cost = hn::MulAdd(hn::Mul(hn::Set(d, kChoiceWeight), off), off, residual);
     const auto better = hn::Lt(cost, best);
     best = hn::IfThenElse(better, cost, best);
     alpha = hn::IfThenElse(better, a, alpha);

@@ -106,10 +106,8 @@ void RegionFilter::Run(const cv::Mat1b& evidence, const RegionConfig& config, cv
     const Region& region = regions_[static_cast<std::size_t>(Find(s.region))];
     const auto area = static_cast<float>(region.area);
     const bool drop = region.actor && region.evidence < (region.border ? kOfOneWhoEnters * least : least);
-    // A small hole is filled unless its pixels clearly show the room.
-    const float doubt = area < 0.1f * largest_hole ? 2.0f : 1.0f;
-    const bool fill =
-        !region.actor && !region.border && area < largest_hole && region.evidence > -doubt * area;
+    // A hole is filled unless its pixels show the room by a log-odd each.
+    const bool fill = !region.actor && !region.border && area < largest_hole && region.evidence > -area;
     if (!drop && !fill) continue;
     std::uint8_t* row = decision->ptr<std::uint8_t>(s.y);
     std::fill(row + s.begin, row + s.end, static_cast<std::uint8_t>(drop ? 0 : 255));
