@@ -17,6 +17,13 @@ namespace {
 // One step of decision to one of alpha: an edge of evidence (+-1 log-odd) runs from 0 to 255.
 constexpr float kAlphaPerByte = 8.0f;
 
+// Depth's log-odds from which it counts as "the room" for colour, and fully.
+constexpr float kDepthFrom = 0.75f, kDepthFully = 2.25f;
+// Log-odds of "the room in another light" for what has the room's texture (ShadowTexture's kept), more where
+// depth sees the room and the likeness is beyond chance; and where it sees the room at all.
+constexpr float kKept = 3.0f, kKeptOfRoom = 24.0f, kChance = 0.4f, kDarkRoom = 5.0f;
+constexpr float kNothingSaid = 8.0f, kSurelyRoom = -5.0f;
+
 // Log-odds [Quarter x Quarter] -> bytes at half size.
 void EnlargeEvidence(const cv::Mat1f& from, float scale, float offset, cv::Size half, cv::Mat1b* small,
                      cv::Mat1b* to) {
@@ -63,25 +70,25 @@ void Key::Run(const BackgroundModel& model, ImageView<const std::uint8_t> luma, 
   if (!actor_around_.empty() && actor_around_.size() != half) actor_around_.release();
 
   tone_ = FindToneChange(picture, model.mean, actor_around_);
-  shadow_texture_.Run(picture, model, tone_, &texture_, &most_);
+  shadow_texture_.Run(picture, model, tone_, &texture_, &kept_);
   actor_colors_.Rate(picture, &likelihood_);
-  FindColorEvidence(picture, model, tone_, config_.shadow, texture_, likelihood_, &color_);
-  EnlargeEvidence(most_, 1 / kEvidencePerByte, kNoEvidence, half, &most_small_, &most_bytes_);
-  cv::min(cv::InputArray(color_.shadow), most_bytes_, color_.shadow);
-  room_mean_.Run(color_.room, &room_around_);
-
   if (!depth_m.empty() && model.has_depth()) {
     depth_evidence_.Run(depth_m, depth_age_s, model, config_.depth);
+    BelieveTexture(depth_evidence_.log_odds());
     EnlargeEvidence(depth_evidence_.log_odds(), 1 / kEvidencePerByte, kNoEvidence, half, &depth_small_,
                     &depth_);
     EnlargeEvidence(depth_evidence_.inside(), 255, 0, half, &inside_small_, &inside_);
   } else {
+    BelieveTexture(cv::Mat1f(kept_.size(), 0.0f));
     depth_.create(half);
     inside_.create(half);
     depth_.setTo(kNoEvidence);
     inside_.setTo(0);
   }
-
+  FindColorEvidence(picture, model, tone_, config_.shadow, texture_, likelihood_, &color_);
+  EnlargeEvidence(most_, 1 / kEvidencePerByte, kNoEvidence, half, &most_small_, &most_bytes_);
+  cv::min(cv::InputArray(color_.shadow), most_bytes_, color_.shadow);
+  room_mean_.Run(color_.room, &room_around_);
   Fuse({color_.room, room_around_, color_.shadow, depth_, inside_, config_.actor_prior, config_.room_weight},
        &evidence_);
   neighbor_vote_.Run(evidence_, picture, model, tone_, config_.own_weight, &decision_);
@@ -92,6 +99,24 @@ void Key::Run(const BackgroundModel& model, ImageView<const std::uint8_t> luma, 
   actor_colors_.Learn(picture, core_, evidence_);
   cv::dilate(half_mask_, actor_around_, cv::getStructuringElement(cv::MORPH_RECT, {9, 9}));
   WriteLabels(alpha, half_shadow_, label);
+}
+
+// What has the room's texture is the room in another light, most of all where depth sees the room too: under
+// a foot, in what a table reflects. There a shadow may also be as dark as it likes.
+void Key::BelieveTexture(const cv::Mat1f& depth) {
+  most_.create(kept_.size());
+  for (int y = 0; y < most_.rows; ++y) {
+    const float* log_odds = depth.ptr<float>(y);
+    const float* kept = kept_.ptr<float>(y);
+    float* __restrict texture = texture_.ptr<float>(y);
+    float* __restrict most = most_.ptr<float>(y);
+    for (int x = 0; x < most_.cols; ++x) {
+      const float room = std::clamp((-log_odds[x] - kDepthFrom) / (kDepthFully - kDepthFrom), 0.0f, 1.0f);
+      texture[x] -= kDarkRoom * room;
+      const float claim = kKept * kept[x] + kKeptOfRoom * room * std::max(kept[x] - kChance, 0.0f);
+      most[x] = std::max(kNothingSaid - claim, kSurelyRoom);
+    }
+  }
 }
 
 void Key::Decide(const BackgroundModel& model) {

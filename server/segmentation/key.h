@@ -59,6 +59,7 @@ class Key {
 
  private:
   explicit Key(const KeyConfig& config) : config_(config) {}
+  void BelieveTexture(const cv::Mat1f& depth);
   void Decide(const BackgroundModel& model);
 
   KeyConfig config_;
@@ -71,8 +72,9 @@ class Key {
   EdgeCoverage edge_coverage_;
   ColorEvidence color_;
   BoxMean room_mean_{2};
-  cv::Mat1f texture_, most_;              // [Quarter x Quarter] of ShadowTexture
-  cv::Mat1b most_small_, most_bytes_;     // the second as bytes, and at half size
+  cv::Mat1f texture_, kept_;              // [Quarter x Quarter] of ShadowTexture
+  cv::Mat1f most_;                        // [Quarter x Quarter] log-odds against "the room in another light"
+  cv::Mat1b most_small_, most_bytes_;     // as bytes, the second at half size
   cv::Mat1b likelihood_, core_;           // [Half x Half]
   cv::Mat1b room_around_;                 // [Half x Half] mean of color_.room over 5x5
   cv::Mat1b depth_small_, inside_small_;  // [Quarter x Quarter] as bytes

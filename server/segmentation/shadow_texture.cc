@@ -87,13 +87,11 @@ namespace {
 
 // Contrast kept, as shares of the brightness kept.
 constexpr float kLeastContrast = 0.3f, kMostContrast = 1.5f;
-// Log-odds: nothing said, less for each time that the room explains what it leaves, and the least.
-constexpr float kSaturated = 8, kPerRatio = 3, kSurelyRoom = -5;
 
 }  // namespace
 
 void ShadowTexture::Run(const HalfPicture& picture, const BackgroundModel& model, const ToneChange& tone,
-                        cv::Mat1f* texture, cv::Mat1f* most) {
+                        cv::Mat1f* texture, cv::Mat1f* kept) {
   const int rows = Half(picture.height());
   const int columns = Half(picture.width());
   for (cv::Mat1f* plane : {&now_, &room_, &now_now_, &now_room_, &room_room_}) {
@@ -137,14 +135,14 @@ void ShadowTexture::Run(const HalfPicture& picture, const BackgroundModel& model
   // Of the windows that hold a pixel the one that the shadow explains best: others reach across the actor's
   // outline.
   cv::erode(*texture, *texture, cv::getStructuringElement(cv::MORPH_RECT, {3, 3}));
-  Compare(model, most);
+  Compare(model, kept);
 }
 
 // The picture's luma as a line of the room's, over a wider window: what the line explains beside what it
 // leaves.
-void ShadowTexture::Compare(const BackgroundModel& model, cv::Mat1f* most) {
+void ShadowTexture::Compare(const BackgroundModel& model, cv::Mat1f* kept) {
   for (cv::Mat1f* plane : {&now_, &room_, &now_now_, &now_room_, &room_room_}) MeanOf3x3(plane);
-  most->create(now_.size());
+  kept->create(now_.size());
   for (int y = 0; y < now_.rows; ++y) {
     const float* now = now_.ptr<float>(y);
     const float* room = room_.ptr<float>(y);
@@ -152,7 +150,7 @@ void ShadowTexture::Compare(const BackgroundModel& model, cv::Mat1f* most) {
     const float* now_room = now_room_.ptr<float>(y);
     const float* room_room = room_room_.ptr<float>(y);
     const float* noise = model.texture_noise.ptr<float>(y);
-    float* __restrict out = most->ptr<float>(y);
+    float* __restrict out = kept->ptr<float>(y);
     for (int x = 0; x < now_.cols; ++x) {
       // The planes hold two pixels' sums.
       const float common = 0.5f * now_room[x] - 0.25f * now[x] * room[x];
@@ -164,8 +162,7 @@ void ShadowTexture::Compare(const BackgroundModel& model, cv::Mat1f* most) {
       // Light scales brightness and contrast alike; a reflection adds some of the one.
       const float brightness = now[x] / std::max(room[x], 1.0f);
       const bool alike = (slope > kLeastContrast * brightness) & (slope < kMostContrast * brightness);
-      const float ratio = alike ? explained / left : 0.0f;
-      out[x] = std::max(kSaturated - kPerRatio * ratio, kSurelyRoom);
+      out[x] = alike ? explained / left : 0.0f;
     }
   }
 }

@@ -16,14 +16,13 @@ class ShadowTexture {
  public:
   // texture [Quarter(h) x Quarter(w)] out: log-odds >= 0 against "shadow", from the residual of the best
   // brightness factor over a window of about 12 full pixels a side, in units of the noise.
-  // most [Quarter(h) x Quarter(w)] out: log-odds that colour can have against "the room in another light" at
-  // most, from what of the picture's contrast over about 20 pixels a side the room's own explains. Allocates
-  // on a new size only.
+  // kept [Quarter(h) x Quarter(w)] out: what the room's contrast explains of the picture's over about 20
+  // pixels a side, beside what it leaves; 0 = nothing, or not as light would. Allocates on a new size only.
   void Run(const HalfPicture& picture, const BackgroundModel& model, const ToneChange& tone,
-           cv::Mat1f* texture, cv::Mat1f* most);
+           cv::Mat1f* texture, cv::Mat1f* kept);
 
  private:
-  void Compare(const BackgroundModel& model, cv::Mat1f* most);
+  void Compare(const BackgroundModel& model, cv::Mat1f* kept);
 
   cv::Mat1f now_, room_, now_now_, now_room_, room_room_;  // windowed means of luma and its products
 };
