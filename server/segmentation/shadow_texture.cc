@@ -160,8 +160,8 @@ void ShadowTexture::Compare(const BackgroundModel& model, cv::Mat1f* kept) {
       const float explained = slope * common;
       const float left = std::max(now_variance - explained, 0.0f) + 0.5f * noise[x] + 1.0f;
       // Light scales brightness and contrast alike; a reflection adds some of the one.
-      const float brightness = now[x] / std::max(room[x], 1.0f);
-      const bool alike = (slope > kLeastContrast * brightness) & (slope < kMostContrast * brightness);
+      const float contrast = slope * room[x];
+      const bool alike = (contrast > kLeastContrast * now[x]) & (contrast < kMostContrast * now[x]);
       out[x] = alike ? explained / left : 0.0f;
     }
   }
