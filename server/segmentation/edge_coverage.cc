@@ -216,12 +216,12 @@ void EdgeCoverage::Run(ImageView<const std::uint8_t> luma, const HalfPicture& pi
   cv::bitwise_and(*decided, outer_, *decided);
   EnlargeTwice(*decided, alpha);
   foreground_.create(luma.height(), luma.width());
+  band_.clear();
   Block block;
   BlockMatte matte;
   for (int y = 0; y < mask->rows; ++y) {
     const std::uint8_t* inner = inner_.ptr<std::uint8_t>(y);
     const std::uint8_t* outer = outer_.ptr<std::uint8_t>(y);
-    std::uint8_t* covered = mask->ptr<std::uint8_t>(y);
     const int bottom = std::min(2 * y + 1, luma.height() - 1);
     const std::array<const std::uint8_t*, 2> Y = {luma.row(2 * y), luma.row(bottom)};
     const std::array<std::uint8_t*, 2> out = {alpha.row(2 * y), alpha.row(bottom)};
@@ -249,16 +249,37 @@ void EdgeCoverage::Run(ImageView<const std::uint8_t> luma, const HalfPicture& pi
         block.prior[i] = static_cast<float>(out[i / 2][column]) / 255;
       }
       HWY_DYNAMIC_DISPATCH(SolveBlock)(block, &matte);
-      float sum = 0;
+      band_.emplace_back(x, y);
       for (std::size_t i = 0; i < 4; ++i) {
         const int column = columns[i % 2];
         out[i / 2][column] = static_cast<std::uint8_t>(255 * matte.alpha[i] + 0.5f);
         for (int c = 0; c < 3; ++c)
           F[i / 2][column][c] = static_cast<std::uint8_t>(matte.F[static_cast<std::size_t>(c)][i] + 0.5f);
-        sum += matte.alpha[i];
       }
-      covered[x] = sum >= 2 ? 255 : 0;
     }
+  }
+  Smooth(mask, alpha);
+}
+
+// piVE 3's second median: what one pixel's colour says alone, in a cloth like the room, is noise.
+void EdgeCoverage::Smooth(cv::Mat1b* mask, ImageView<std::uint8_t> alpha) {
+  if (band_.empty()) return;
+  const cv::Rect half = cv::boundingRect(band_);
+  const cv::Rect box = cv::Rect(2 * half.x - 1, 2 * half.y - 1, 2 * half.width + 2, 2 * half.height + 2) &
+                       cv::Rect(0, 0, alpha.width(), alpha.height());
+  const cv::Mat1b whole(alpha.height(), alpha.width(), alpha.data(),
+                        static_cast<std::size_t>(alpha.stride()));
+  whole(box).copyTo(solved_);
+  cv::medianBlur(solved_, smooth_, 3);
+  for (const cv::Point& at : band_) {
+    int sum = 0;
+    for (int i = 0; i < 4; ++i) {
+      const int x = std::min(2 * at.x + i % 2, alpha.width() - 1),
+                y = std::min(2 * at.y + i / 2, alpha.height() - 1);
+      alpha.row(y)[x] = smooth_(y - box.y, x - box.x);
+      sum += alpha.row(y)[x];
+    }
+    mask->ptr<std::uint8_t>(at.y)[at.x] = sum >= 2 * 255 ? 255 : 0;
   }
 }
 

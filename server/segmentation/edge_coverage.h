@@ -7,6 +7,7 @@
 #pragma once
 
 #include <opencv2/core.hpp>
+#include <vector>
 
 #include "proto/base/image_view.h"
 #include "server/segmentation/background_model.h"
@@ -23,7 +24,7 @@ class EdgeCoverage {
   // alpha    [h x w]  out: coverage 0..255. Within 2 half-size pixels of the mask's outline C = a F + (1 - a)
   //          B: F from the actor beside, B the room in the light (shadow) that falls beside; as decided where
   //          F is not known or too near B. Elsewhere 0 or 255.
-  // Sizes that differ are a caller's bug (checked). Allocates on a new size only.
+  // Sizes that differ are a caller's bug (checked). No allocation in steady state.
   void Run(ImageView<const std::uint8_t> luma, const HalfPicture& picture, const BackgroundModel& model,
            const ToneChange& tone, cv::Mat1b* decided, cv::Mat1b* mask, ImageView<std::uint8_t> alpha);
 
@@ -33,8 +34,11 @@ class EdgeCoverage {
 
  private:
   [[nodiscard]] bool HasBand(int x, int y) const;
+  void Smooth(cv::Mat1b* mask, ImageView<std::uint8_t> alpha);
 
   cv::Mat1b inner_, outer_;
+  std::vector<cv::Point> band_;  // half-size pixels
+  cv::Mat1b solved_, smooth_;    // alpha around them
   cv::Mat3b foreground_;
 };
 

@@ -64,7 +64,7 @@ def the_actor_of_a_photoreal_studio_is_cut_out_and_occludes():
     matte = evaluate("evaluate_matte.py", out, truth / "matte_static", "--shadow", truth / "shadow_static")
     composite = evaluate("evaluate_composite.py", out, truth / "composite", truth / "cg_alpha", studio / "take_static" / "rgb")
     depth = evaluate("evaluate_depth.py", out / "depth", truth / "depth_static", "--mask", truth / "matte_static")
-    assert matte["F"] >= 0.985 and matte["boundary_mean_px"] <= 1.1 and matte["MAD"] <= 0.05 and matte["dtSSD_x100"] <= 16, matte
+    assert matte["F"] >= 0.986 and matte["boundary_mean_px"] <= 1.0 and matte["MAD"] <= 0.047 and matte["dtSSD_x100"] <= 16, matte
     assert matte["shadow_as_actor"] <= 0.012 and matte["outside_permille"] <= 0.08, matte
     assert composite["order_error"] <= 0.02, composite
     return (f'F {matte["F"]:.4f}, boundary {matte["boundary_mean_px"]:.2f} px, MAD {matte["MAD"]:.3f}, dtSSD {matte["dtSSD_x100"]:.1f}, '
