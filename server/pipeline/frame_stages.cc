@@ -13,6 +13,7 @@
 
 #include "proto/base/check.h"
 #include "proto/base/log.h"
+#include "server/composite/lay_reflections.h"
 #include "server/composite/relight.h"
 #include "server/segmentation/room_mesh.h"
 
@@ -31,6 +32,7 @@ struct FrameStages {
   static void StepPhysics(Studio& s, Frame& f);
   static void RenderScene(Studio& s, Frame& f);
   static void ShadeLightMap(Studio& s, Frame& f);
+  static void Reflect(Studio& s, Frame& f);
   static void CompositeZ(Studio& s, Frame& f);
 };
 
@@ -58,6 +60,7 @@ constexpr std::array kStages = {
           &FrameStages::StepPhysics},
     Stage{{"render_scene", 8.0, "frame", "virtual colour, depth      piVE 4"}, &FrameStages::RenderScene},
     Stage{{"light_map", 6.0, "frame", "shadows, s in 0..1         MixIn3D 3.2"}, &FrameStages::ShadeLightMap},
+    Stage{{"reflect", 3.0, "frame", "mirrored CG, room, actor   MixIn3D 3.3"}, &FrameStages::Reflect},
     Stage{{"z_key", 6.0, "frame", "composed colour, depth     MixIn3D 3.1, piVE 5"},
           &FrameStages::CompositeZ},
     Stage{{"encode_color", 4.0, "encode", "H.264"}, nullptr},
@@ -116,6 +119,10 @@ Result<Studio> Studio::Create(StudioSetup setup) {
                 "\"ptu\", or "
                 "--poses, or write the scene with frame: camera");
   }
+  if (studio.scene_ && !studio.scene_->reflectors.empty()) {
+    studio.patches_ = PatchObjects(*studio.scene_);
+    studio.reflections_ = std::make_unique<Reflections>(rig.color, studio.device_, studio.meshes_);
+  }
   if (scanned) {
     if (studio.poses_.empty() && !rig.ptu) {
       return Fail(
@@ -127,6 +134,7 @@ Result<Studio> Studio::Create(StudioSetup setup) {
       studio.room_radiance_.emplace(scanned->model, scanned->lamps);
       studio.light_mapper_.emplace(rig.color);
       if (studio.scene_->frame == SceneFrame::kWorld) studio.light_mapper_->SetRoom(scanned->model);
+      if (studio.reflections_) studio.reflections_->SetRoom(scanned->model, scanned->doubt.depth_sigma_m);
     }
     auto view = RoomView::Create(rig, std::move(scanned->model), studio.device_);
     if (!view) return tl::unexpected(view.error());
@@ -149,7 +157,7 @@ Result<Studio> Studio::Create(StudioSetup setup) {
   if (!surface) return tl::unexpected(surface.error());
   studio.actor_surface_.emplace(std::move(*surface));
   if (studio.scene_) {
-    auto renderer = CgRenderer::Create({}, rig.color, studio.device_);
+    auto renderer = CgRenderer::Create({}, rig.color, studio.device_, studio.meshes_);
     if (!renderer) return tl::unexpected(renderer.error());
     studio.renderer_.emplace(std::move(*renderer));
     if (!studio.light_mapper_) studio.light_mapper_.emplace(rig.color);
@@ -460,7 +468,13 @@ void FrameStages::RenderScene(Studio& s, Frame& f) {
   f.cg = nullptr;
   if (!s.scene_) return;
   const RigidTransform T_camera_scene = s.TSceneColor(f).inverse();
-  f.cg = &s.renderer_->Run(s.posed_, T_camera_scene, s.illumination_);
+  const Scene* drawn = &s.posed_;
+  if (!s.patches_.empty()) {
+    s.drawn_ = s.posed_;
+    s.drawn_.objects.insert(s.drawn_.objects.end(), s.patches_.begin(), s.patches_.end());
+    drawn = &s.drawn_;
+  }
+  f.cg = &s.renderer_->Run(*drawn, T_camera_scene, s.illumination_);
 }
 
 void FrameStages::ShadeLightMap(Studio& s, Frame& f) {
@@ -476,6 +490,32 @@ void FrameStages::ShadeLightMap(Studio& s, Frame& f) {
   RelightPicture(*f.light_map, View(std::as_const(f.alpha)), f.captured->color, s.lit_color_);
   if (s.lit_layer_.drawing != f.light_map->cg_revision) RelightLayer(*f.light_map, *f.cg, s.lit_layer_);
   f.cg = &s.lit_layer_;
+}
+
+void FrameStages::Reflect(Studio& s, Frame& f) {
+  if (f.cg == nullptr || s.reflections_ == nullptr) return;
+  const bool room = s.room_depth_.has_value();
+  const ReflectionPictures& pictures =
+      s.reflections_->Run({.scene = s.patches_.empty() ? &s.posed_ : &s.drawn_,
+                           .first_patch = s.posed_.objects.size(),
+                           .T_scene_color = s.TSceneColor(f),
+                           .light = &s.illumination_,
+                           .cg = f.cg,
+                           .light_map = f.light_map,
+                           .room_revision = room ? s.room_depth_->revision : 0,
+                           .room_depth_m = room ? s.room_depth_->depth_m : cv::Mat1f(),
+                           .room_sigma_m = room ? s.room_depth_->sigma_m : cv::Mat1f(),
+                           .color = &f.captured->color,
+                           .actor_depth_m = View(std::as_const(f.actor_depth_m))});
+  ReflectInPicture(pictures, *f.light_map, View(std::as_const(f.alpha)), s.lit_color_);
+  if (s.patches_.empty()) return;
+  if (s.reflected_ != pictures.revision || s.reflected_layer_ != f.cg->drawing) {
+    s.reflected_ = pictures.revision;
+    s.reflected_layer_ = f.cg->drawing;
+    ReflectInLayer(pictures, *f.cg, s.reflecting_layer_);
+    ++s.reflecting_layer_.drawing;
+  }
+  f.cg = &s.reflecting_layer_;
 }
 
 void FrameStages::CompositeZ(Studio& s, Frame& f) {

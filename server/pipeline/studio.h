@@ -21,6 +21,7 @@
 #include "server/raster/render_device.h"
 #include "server/render/cg_renderer.h"
 #include "server/render/light_map.h"
+#include "server/render/reflections.h"
 #include "server/render/room_radiance.h"
 #include "server/render/room_view.h"
 #include "server/scene/edit_change.h"
@@ -161,6 +162,7 @@ class Studio {
   std::vector<std::uint32_t> surface_indices_;
   std::vector<RoomPlane> planes_;
   // render_scene, z_key
+  std::shared_ptr<PreparedMeshes> meshes_ = std::make_shared<PreparedMeshes>();
   std::optional<CgRenderer> renderer_;
   std::optional<RoomRadiance> room_radiance_;  // of the scanned room
   Illumination illumination_;
@@ -169,6 +171,12 @@ class Studio {
   std::optional<LightMapper> light_mapper_;
   CgLayer lit_layer_;
   YuvImage lit_color_;
+  // reflect: null without reflectors, which no edit adds or takes
+  std::unique_ptr<Reflections> reflections_;
+  std::vector<SceneObject> patches_;
+  Scene drawn_;  // posed_ and the patches; unused without patches
+  CgLayer reflecting_layer_;
+  std::uint64_t reflected_layer_ = 0, reflected_ = 0;  // that reflecting_layer_ was made of
 };
 
 }  // namespace mixstage

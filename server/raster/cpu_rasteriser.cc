@@ -17,6 +17,7 @@ CpuRasteriser::CpuRasteriser(const PinholeCamera& camera, const RasterConfig& co
 void CpuRasteriser::Begin(const PictureGrid& grid) {
   const PinholeCamera grid_camera = grid.CameraOf(camera_);
   lens_ = picture_lens_.OnGrid(grid_camera, grid.scale);
+  lens_.half_space = grid.half_space;
   picture_.Begin(grid_camera.width, grid_camera.height);
 }
 
@@ -38,6 +39,7 @@ void CpuRasteriser::Scan(const TriangleMeshView& mesh, const Eigen::Affine3d& T_
   const Affine34 T = Affine34::Of(T_camera_object);
   projected_.resize(mesh.positions.size());
   ProjectVertices(lens_, T, mesh.positions, projected_);
+  lens_.CutOff(T, mesh.positions, projected_);
   ScanBatch batch;
   batch.vertices = projected_;
   batch.indices = mesh.indices;

@@ -122,6 +122,7 @@ Result<EglRasteriser> EglRasteriser::Create(const PinholeCamera& camera, const R
 void EglRasteriser::Begin(const PictureGrid& grid) {
   const PinholeCamera grid_camera = grid.CameraOf(camera_);
   lens_ = picture_lens_.OnGrid(grid_camera, grid.scale);
+  lens_.half_space = grid.half_space;
   clip_ = {nullptr, nullptr, 0, 0, 0, grid_camera.width - 1, grid_camera.height - 1};
   picture_.Begin(grid_camera.width, grid_camera.height);
   batches_.clear();
@@ -164,6 +165,7 @@ void EglRasteriser::Record(const TriangleMeshView& mesh, const Eigen::Affine3d& 
   vertices_.resize(vertices_.size() + batch.vertices);
   const auto projected = std::span(vertices_).subspan(batch.first_vertex);
   ProjectVertices(lens_, T, mesh.positions, projected);
+  lens_.CutOff(T, mesh.positions, projected);
   indices_.insert(indices_.end(), mesh.indices.begin(), mesh.indices.end());
   batches_.push_back(batch);
 

@@ -13,7 +13,7 @@ inline constexpr int kSubPixels = 1 << kSubPixelBits;
 // bits, and edge functions in whole pixels are integers below 2^24, exact in a float.
 inline constexpr int kMaxEdgePx = 60;
 
-// Where a corner lies outside; a triangle whose three corners share a kLeft..kNear bit cannot be seen.
+// Where a corner lies outside; a triangle whose three corners share a bit of kOutsideMask cannot be seen.
 enum Outcode : std::uint32_t {
   kLeft = 1,
   kRight = 2,
@@ -22,8 +22,9 @@ enum Outcode : std::uint32_t {
   kNear = 16,       // behind the near plane
   kNoPixel = 32,    // in front, but beyond the fold or too far outside the picture to have coordinates
   kNotFinite = 64,  // its triangles are dropped
-  kOutsideMask = kLeft | kRight | kAbove | kBelow | kNear,
-  kNeedsSplit = kNear | kNoPixel,
+  kCutOff = 128,    // outside the half space that is drawn
+  kOutsideMask = kLeft | kRight | kAbove | kBelow | kNear | kCutOff,
+  kNeedsSplit = kNear | kNoPixel | kCutOff,
 };
 
 struct ProjectedVertex {

@@ -172,6 +172,15 @@ Affine34 Affine34::Of(const Eigen::Affine3d& T) {
   return rows;
 }
 
+void RasterLens::CutOff(const Affine34& T_camera_object, std::span<const Eigen::Vector3f> positions,
+                        std::span<ProjectedVertex> projected) const {
+  if (!cuts()) return;
+  MIX_CHECK(positions.size() == projected.size());
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    if (!(Height(T_camera_object * positions[i]) >= 0)) projected[i].outcode |= kCutOff;
+  }
+}
+
 void ProjectVerticesScalar(const RasterLens& lens, const Affine34& T_camera_object,
                            std::span<const Eigen::Vector3f> positions, std::span<ProjectedVertex> out) {
   MIX_CHECK(positions.size() == out.size());

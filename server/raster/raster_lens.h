@@ -12,6 +12,8 @@
 
 namespace mixstage::raster {
 
+struct Affine34;
+
 // Single precision keeps projections within 1e-3 px of PinholeCamera's up to 8192 px.
 struct RasterLens {
   float fx = 0, fy = 0, cx = 0, cy = 0;  // grid pixels
@@ -23,13 +25,23 @@ struct RasterLens {
   // Edges longer than this in x or y (sub-pixels) leave their curve by more than 0.05 picture px, or do not
   // fit the scan: they are split.
   std::int32_t max_edge = kMaxEdgePx * kSubPixels;
+  Eigen::Vector4f half_space = Eigen::Vector4f::Zero();  // PictureGrid's
 
   // The costly part (the fold, the view's outline, the curvature) is done once per camera ...
   static RasterLens Of(const PinholeCamera& picture, double near_m);
   // ... and carried over to a grid of it: camera is the grid's (PictureGrid::CameraOf).
   [[nodiscard]] RasterLens OnGrid(const PinholeCamera& camera, int scale) const;
+  // Adds kCutOff.
+  void CutOff(const Affine34& T_camera_object, std::span<const Eigen::Vector3f> positions,
+              std::span<ProjectedVertex> projected) const;
 
-  // Point of the camera frame to its pixel. The vector code does the same operations in the same order.
+  [[nodiscard]] bool cuts() const { return half_space.head<3>() != Eigen::Vector3f::Zero(); }
+  // Over the half space's border, metres.
+  [[nodiscard]] float Height(const Eigen::Vector3f& p_camera) const {
+    return half_space.head<3>().dot(p_camera) + half_space.w();
+  }
+  // Point of the camera frame to its pixel, all but kCutOff. The vector code does the same operations in the
+  // same order.
   [[nodiscard]] ProjectedVertex Project(const Eigen::Vector3f& p_camera) const;
 };
 

@@ -37,6 +37,9 @@ enum class Faces {
 struct PictureGrid {
   int scale = 1;       // 1, 2 or 4
   cv::Rect region_px;  // inside the picture; empty = all of it
+  // Half space of the camera's frame that is drawn, n . p + d >= 0: what it leaves out is cut off. Zero:
+  // everything is drawn.
+  Eigen::Vector4f half_space = Eigen::Vector4f::Zero();
 
   // The camera whose pixels are the grid's (a region that is empty stands for the whole picture).
   [[nodiscard]] PinholeCamera CameraOf(const PinholeCamera& picture) const;

@@ -17,33 +17,44 @@ class Splitter {
       : lens_(lens), id_(id), clip_(clip), out_(out) {}
 
   void Clip(const CameraCorner& a, const CameraCorner& b, const CameraCorner& c) {
-    const CameraCorner* in[3] = {&a, &b, &c};
-    CameraCorner polygon[4];
-    int n = 0;
-    for (int i = 0; i < 3; ++i) {
-      const CameraCorner& from = *in[i];
-      const CameraCorner& to = *in[(i + 1) % 3];
-      const bool from_behind = (from.projected.outcode & kNear) != 0;
-      const bool to_behind = (to.projected.outcode & kNear) != 0;
-      if (!from_behind) polygon[n++] = from;
-      if (from_behind != to_behind)
-        polygon[n++] = from_behind ? OnNearPlane(from, to) : OnNearPlane(to, from);
-    }
-    for (int i = 2; i < n; ++i) Divide(polygon[0], polygon[i - 1], polygon[i], 0);
+    const Polygon whole = {3, {a, b, c}};
+    const Polygon seen =
+        CutBy(kNear, whole, [this](const Eigen::Vector3f& p) { return p.z() - lens_.near_m; });
+    const Polygon kept = CutBy(kCutOff, seen, [this](const Eigen::Vector3f& p) { return lens_.Height(p); });
+    for (int i = 2; i < kept.size; ++i) Divide(kept.corners[0], kept.corners[i - 1], kept.corners[i], 0);
   }
 
  private:
-  [[nodiscard]] CameraCorner At(const Eigen::Vector3f& p) const { return {p, lens_.Project(p)}; }
+  struct Polygon {
+    int size = 0;
+    CameraCorner corners[5];
+  };
 
-  // Always reckoned from the corner behind, so that both triangles of an edge find the same point.
-  [[nodiscard]] CameraCorner OnNearPlane(const CameraCorner& behind, const CameraCorner& front) const {
-    const Eigen::Vector3f& p = behind.p_camera;
-    const Eigen::Vector3f& q = front.p_camera;
-    const float t = (lens_.near_m - p.z()) / (q.z() - p.z());
-    Eigen::Vector3f cut = p + t * (q - p);
-    cut.z() = lens_.near_m;
-    return At(cut);
+  // What a plane leaves of the polygon: corners on its far side have the outcode, height is over it. A cut is
+  // always reckoned from the corner that goes, so that both triangles of an edge find the same point.
+  template <typename Height>
+  [[nodiscard]] Polygon CutBy(Outcode gone, const Polygon& of, const Height& height) const {
+    Polygon left;
+    for (int i = 0; i < of.size; ++i) {
+      const CameraCorner& from = of.corners[i];
+      const CameraCorner& to = of.corners[(i + 1) % of.size];
+      const bool from_goes = (from.projected.outcode & gone) != 0;
+      const bool to_goes = (to.projected.outcode & gone) != 0;
+      if (!from_goes) left.corners[left.size++] = from;
+      if (from_goes == to_goes) continue;
+      const Eigen::Vector3f& p = (from_goes ? from : to).p_camera;
+      const Eigen::Vector3f& q = (from_goes ? to : from).p_camera;
+      Eigen::Vector3f cut = p + height(p) / (height(p) - height(q)) * (q - p);
+      if (gone == kNear) cut.z() = lens_.near_m;
+      CameraCorner& corner = left.corners[left.size++];
+      corner = At(cut);
+      // The other plane has not had its turn.
+      if (gone == kNear && lens_.cuts() && !(lens_.Height(cut) >= 0)) corner.projected.outcode |= kCutOff;
+    }
+    return left;
   }
+
+  [[nodiscard]] CameraCorner At(const Eigen::Vector3f& p) const { return {p, lens_.Project(p)}; }
 
   // The point of the edge that an undistorted picture shows half way; the same for both orders of the ends.
   [[nodiscard]] CameraCorner Middle(const CameraCorner& a, const CameraCorner& b) const {

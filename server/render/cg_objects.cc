@@ -18,8 +18,8 @@ void CameraScene::Place(const Scene& scene, const RigidTransform& T_camera_scene
   for (std::size_t i = 0; i < scene.objects.size(); ++i) {
     const SceneObject& source = scene.objects[i];
     if (source.hidden) continue;
-    std::unique_ptr<PreparedMesh>& prepared = prepared_[source.mesh.get()];
-    if (!prepared) prepared = std::make_unique<PreparedMesh>(source.mesh);
+    std::shared_ptr<const PreparedMesh>& prepared = prepared_[source.mesh.get()];
+    if (!prepared) prepared = meshes_->Get(source.mesh);
     const Eigen::Affine3d T_camera_object = T_camera_scene * source.T_scene_object;
     const double determinant = T_camera_object.linear().determinant();
     CameraObject object;

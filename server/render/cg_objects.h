@@ -32,6 +32,8 @@ struct CameraObject {
 
 class CameraScene {
  public:
+  explicit CameraScene(std::shared_ptr<PreparedMeshes> meshes) : meshes_(std::move(meshes)) {}
+
   // Meshes are prepared when first seen and dropped when the scene no longer holds them.
   void Place(const Scene& scene, const RigidTransform& T_camera_scene);
 
@@ -47,7 +49,8 @@ class CameraScene {
   [[nodiscard]] const std::vector<CameraVertex>& vertices() const { return vertices_; }
 
  private:
-  std::map<const Mesh*, std::unique_ptr<PreparedMesh>> prepared_;
+  std::shared_ptr<PreparedMeshes> meshes_;
+  std::map<const Mesh*, std::shared_ptr<const PreparedMesh>> prepared_;
   std::vector<CameraObject> objects_;
   std::vector<CameraVertex> vertices_;
 };

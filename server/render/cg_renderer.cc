@@ -25,11 +25,14 @@ struct Drawn {
   std::uint64_t revision = 0;
   RigidTransform T_camera_scene = RigidTransform::Identity();
   Illumination light;
+  CgPart part;
   std::vector<std::shared_ptr<const Mesh>> meshes;
   std::vector<Eigen::Matrix4d> poses;
 
-  [[nodiscard]] bool Is(const Scene& scene, const RigidTransform& T, const Illumination& now) const {
-    if (revision != scene.revision || T_camera_scene.matrix() != T.matrix() || !SameLight(light, now))
+  [[nodiscard]] bool Is(const Scene& scene, const RigidTransform& T, const Illumination& now,
+                        const CgPart& of) const {
+    if (revision != scene.revision || T_camera_scene.matrix() != T.matrix() || !SameLight(light, now) ||
+        part != of)
       return false;
     if (meshes.size() != scene.objects.size()) return false;
     for (std::size_t i = 0; i < meshes.size(); ++i) {
@@ -38,10 +41,11 @@ struct Drawn {
     }
     return true;
   }
-  void Keep(const Scene& scene, const RigidTransform& T, const Illumination& now) {
+  void Keep(const Scene& scene, const RigidTransform& T, const Illumination& now, const CgPart& of) {
     revision = scene.revision;
     T_camera_scene = T;
     light = now;
+    part = of;
     meshes.clear();
     poses.clear();
     for (const SceneObject& object : scene.objects) {
@@ -54,6 +58,8 @@ struct Drawn {
 }  // namespace
 
 struct CgRenderer::State {
+  explicit State(std::shared_ptr<PreparedMeshes> meshes) : scene(std::move(meshes)) {}
+
   CgRendererConfig config;
   PinholeCamera camera;
   cv::Mat2f rays;
@@ -118,14 +124,21 @@ struct CgRenderer::State {
     return ok.has_value();
   }
 
-  void Draw(const Scene& now, const RigidTransform& T_camera_scene, const Illumination& light) {
+  void Draw(const Scene& now, const RigidTransform& T_camera_scene, const Illumination& light,
+            const CgPart& part) {
     const auto start = std::chrono::steady_clock::now();
     timing = {};
     ++layer.drawing;
     scene.Place(now, T_camera_scene);
-    const cv::Rect region = scene.Region(camera, config.near_m);
+    cv::Rect region = scene.Region(camera, config.near_m);
+    if (!part.window_px.empty()) region &= part.window_px;
     if (region.empty()) return Cover({});
-    rasteriser->Begin({kSampleScale, region});
+    // n . p + d of the scene's frame, written for points of the camera's.
+    const Eigen::Vector3d normal = T_camera_scene.linear() * part.half_space.head<3>();
+    Eigen::Vector4f half_space;
+    half_space << normal.cast<float>(),
+        static_cast<float>(part.half_space.w() - normal.dot(T_camera_scene.translation()));
+    rasteriser->Begin({kSampleScale, region, half_space});
     scene.Draw(now, T_camera_scene, *rasteriser);
     const CameraIllumination camera_light = InCamera(light, T_camera_scene);
     if (egl != nullptr && DrawOnGpu(camera_light, region)) {
@@ -150,10 +163,10 @@ CgRenderer& CgRenderer::operator=(CgRenderer&&) noexcept = default;
 CgRenderer::~CgRenderer() = default;
 
 Result<CgRenderer> CgRenderer::Create(const CgRendererConfig& config, const PinholeCamera& color,
-                                      const RenderDevice& device) {
+                                      const RenderDevice& device, std::shared_ptr<PreparedMeshes> meshes) {
   auto rasteriser = CreateRasteriser(device.backend, color, {config.near_m}, device.gpu);
   if (!rasteriser) return tl::unexpected(rasteriser.error());
-  auto state = std::make_unique<State>();
+  auto state = std::make_unique<State>(meshes ? std::move(meshes) : std::make_shared<PreparedMeshes>());
   state->config = config;
   state->camera = color;
   state->rays = UnprojectionTable(color);
@@ -169,11 +182,11 @@ Result<CgRenderer> CgRenderer::Create(const CgRendererConfig& config, const Pinh
 }
 
 const CgLayer& CgRenderer::Run(const Scene& scene, const RigidTransform& T_camera_scene,
-                               const Illumination& light) {
+                               const Illumination& light, const CgPart& part) {
   State& state = *state_;
-  if (state.layer.drawing == 0 || !state.drawn.Is(scene, T_camera_scene, light)) {
-    state.Draw(scene, T_camera_scene, light);
-    state.drawn.Keep(scene, T_camera_scene, light);
+  if (state.layer.drawing == 0 || !state.drawn.Is(scene, T_camera_scene, light, part)) {
+    state.Draw(scene, T_camera_scene, light, part);
+    state.drawn.Keep(scene, T_camera_scene, light, part);
   }
   return state.layer;
 }

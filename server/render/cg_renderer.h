@@ -15,6 +15,7 @@
 #include "proto/geometry/frames.h"
 #include "server/raster/render_device.h"
 #include "server/render/illumination.h"
+#include "server/render/prepared_mesh.h"
 #include "server/scene/scene.h"
 
 namespace mixstage {
@@ -35,6 +36,14 @@ struct CgRendererConfig {
   double near_m = 0.05;  // objects nearer to the camera are cut there
 };
 
+// The part of a scene that is drawn.
+struct CgPart {
+  cv::Rect window_px;  // of the picture, even-aligned as bounds; empty = all of it
+  // Half space of the scene's frame, n . p + d >= 0; zero: everything.
+  Eigen::Vector4d half_space = Eigen::Vector4d::Zero();
+  bool operator==(const CgPart&) const = default;
+};
+
 // Wall time of the last redraw.
 struct CgTiming {
   double visibility_ms = 0;  // vertices, raster
@@ -46,16 +55,19 @@ class CgRenderer {
  public:
   // device: what visibility and shading are drawn with; the layers are the same but for roundings. Fails
   // (kInvalidConfig) when the camera or near_m is not valid, (kInternal) when a GPU cannot run the passes.
+  // meshes: shared with others who draw the same scene; null = its own.
   static Result<CgRenderer> Create(const CgRendererConfig& config, const PinholeCamera& color,
-                                   const RenderDevice& device = {});
+                                   const RenderDevice& device = {},
+                                   std::shared_ptr<PreparedMeshes> meshes = nullptr);
   CgRenderer(CgRenderer&&) noexcept;
   CgRenderer& operator=(CgRenderer&&) noexcept;
   ~CgRenderer();
 
   // T_camera_scene: T_camera_world for a world scene, T_camera_firstcamera (identity at rest) for a camera
-  // scene. The layer stays as it is, at no cost, while scene, pose and light are those of the last call; it
-  // is valid until the next call.
-  const CgLayer& Run(const Scene& scene, const RigidTransform& T_camera_scene, const Illumination& light);
+  // scene. The layer stays as it is, at no cost, while scene, pose, light and part are those of the last
+  // call; it is valid until the next call.
+  const CgLayer& Run(const Scene& scene, const RigidTransform& T_camera_scene, const Illumination& light,
+                     const CgPart& part = {});
 
   [[nodiscard]] const CgTiming& timing() const;
 

@@ -27,7 +27,8 @@ struct SurfaceRecord {
   std::int32_t first_level = -1, level_count = 0, wrap_u = 0, wrap_v = 0;  // -1: no texture
   std::int32_t color_shift = 0;  // 1 + what leads from a vertex to its colour; 0: no colours
   std::uint32_t object_id = 0;
-  std::array<std::uint32_t, 2> unused{};
+  float head_on = 0;
+  std::uint32_t unused = 0;
 };
 static_assert(sizeof(SurfaceRecord) == 64);
 constexpr std::size_t kSurfaceTexels = 4;
@@ -110,7 +111,7 @@ Result<EglShading> EglShading::Create(std::shared_ptr<gl::Gpu> gpu, const cv::Ma
   layer.color.create(1, 1);
   layer.depth_m.create(1, 1);
   layer.object_id.create(1, 1);
-  if (auto ok = shading.Shade(*current, {}, {}, *samples, layer.bounds, layer); !ok) {
+  if (auto ok = shading.Shade(*current, CameraScene(nullptr), {}, *samples, layer.bounds, layer); !ok) {
     return tl::unexpected(ok.error());
   }
   return shading;
@@ -255,6 +256,7 @@ Status EglShading::SendSurfaces(const gl::Current& current, const CameraScene& s
       SurfaceRecord record;
       std::copy_n(material.base_color.data(), 3, record.base_color.begin());
       record.metallic = material.metallic;
+      record.head_on = material.head_on;
       record.shininess = Shininess(material.roughness);
       record.base_alpha = material.base_alpha;
       if (material.alpha_mask) record.alpha_cutoff = material.alpha_cutoff;

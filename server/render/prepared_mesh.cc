@@ -30,4 +30,12 @@ PreparedMesh::PreparedMesh(std::shared_ptr<const Mesh> source) : mesh(std::move(
   }
 }
 
+std::shared_ptr<const PreparedMesh> PreparedMeshes::Get(const std::shared_ptr<const Mesh>& mesh) {
+  std::erase_if(known_, [](const auto& entry) { return entry.second.expired(); });
+  std::weak_ptr<const PreparedMesh>& known = known_[mesh.get()];
+  std::shared_ptr<const PreparedMesh> prepared = known.lock();
+  if (!prepared) known = prepared = std::make_shared<const PreparedMesh>(mesh);
+  return prepared;
+}
+
 }  // namespace mixstage

@@ -7,6 +7,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <vector>
 
@@ -29,6 +30,15 @@ struct PreparedMesh {
   std::vector<Triangle> triangles;       // one a triangle of indices
   std::vector<SurfaceKey> surface_keys;  // one a triangle
   std::vector<TextureMips> textures;     // as in the mesh
+};
+
+// Meshes made ready once for all who draw them; kept while anybody does. One thread at a time.
+class PreparedMeshes {
+ public:
+  std::shared_ptr<const PreparedMesh> Get(const std::shared_ptr<const Mesh>& mesh);
+
+ private:
+  std::map<const Mesh*, std::weak_ptr<const PreparedMesh>> known_;
 };
 
 }  // namespace mixstage

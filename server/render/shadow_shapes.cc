@@ -15,7 +15,6 @@ namespace {
 constexpr std::size_t kMostTriangles = 2000;
 constexpr float kReducedError = 0.02f;  // of the model's size
 constexpr int kSurfelCells = 4;         // along the longest side
-constexpr int kActorStep = 6;           // pixels of his depth
 constexpr float kActorStep_m = 0.25f;   // of two neighbours so far apart in depth one hides the other
 
 void AddSurfels(ShadowShape& shape) {
@@ -100,13 +99,13 @@ const ShadowShape& ActorShape::Run(const cv::Mat2f& half_rays, const cv::Mat1f& 
                                    const RigidTransform& T_scene_color) {
   shape_.positions.clear();
   shape_.indices.clear();
-  const int w = depth_m.cols / kActorStep, h = depth_m.rows / kActorStep;
+  const int w = depth_m.cols / step_px_, h = depth_m.rows / step_px_;
   depth_m_.create(h, w);
   inside_.create(h, w);
   for (int y = 0; y < h; ++y) {
-    const float* row = depth_m[kActorStep * y + kActorStep / 2];
+    const float* row = depth_m[step_px_ * y + step_px_ / 2];
     for (int x = 0; x < w; ++x) {
-      depth_m_(y, x) = row[kActorStep * x + kActorStep / 2];
+      depth_m_(y, x) = row[step_px_ * x + step_px_ / 2];
       inside_(y, x) = depth_m_(y, x) > 0 ? 255 : 0;
     }
   }
@@ -122,11 +121,12 @@ const ShadowShape& ActorShape::Run(const cv::Mat2f& half_rays, const cv::Mat1f& 
     for (int x = 0; x < w; ++x) {
       number_(y, x) = -1;
       const float z = depth_m_(y, x);
-      const cv::Vec2f& ray = half_rays(kActorStep * y + kActorStep / 2, kActorStep * x + kActorStep / 2);
+      const cv::Vec2f& ray = half_rays(step_px_ * y + step_px_ / 2, step_px_ * x + step_px_ / 2);
       if (!(z > 0) || ray[0] != ray[0]) continue;
       number_(y, x) = static_cast<int>(shape_.positions.size());
       const float cell = half_rays(0, 1)[0] - half_rays(0, 0)[0];
-      const float thick = std::min(kActorThickness_m, 2 * from_edge_px_(y, x) * kActorStep * cell * z);
+      const float thick =
+          std::min(kActorThickness_m, 2 * from_edge_px_(y, x) * static_cast<float>(step_px_) * cell * z);
       const Eigen::Vector3f along(ray[0], ray[1], 1);
       shape_.positions.push_back(R * (z * along) + t);
       shape_.positions.push_back(R * (z * along + thick * along.normalized()) + t);

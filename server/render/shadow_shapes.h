@@ -42,11 +42,14 @@ struct ShadowShape {
 class ActorShape {
  public:
   static constexpr float kActorThickness_m = 0.25f;
+  // step_px: of depth_m's pixels, from a corner to the next.
+  explicit ActorShape(int step_px = 6) : step_px_(step_px) {}
   // half_rays [Half(h) x Half(w)] (x/z, y/z) of depth_m's pixels; depth_m [same] z, 0 = not he.
   const ShadowShape& Run(const cv::Mat2f& half_rays, const cv::Mat1f& depth_m,
                          const RigidTransform& T_scene_color);
 
  private:
+  int step_px_ = 0;
   cv::Mat1b inside_;
   cv::Mat1f depth_m_, from_edge_px_;
   cv::Mat1i number_;

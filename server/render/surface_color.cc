@@ -20,7 +20,7 @@ void ColorSurfaceScalar(const Material& material, std::size_t begin, std::size_t
     }
     for (int c = 0; c < 3; ++c) {
       const float albedo = material.base_color[c] * texel[c];
-      const float mirror = kDielectric + material.metallic * (albedo - kDielectric);
+      const float mirror = material.head_on + material.metallic * (albedo - material.head_on);
       out[c] = coverage * ((1.0f - material.metallic) * albedo * diffuse[c][i] + mirror * specular[c][i]);
     }
     out[3] = coverage;

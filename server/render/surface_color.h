@@ -19,7 +19,6 @@ void ColorSurface(const Material& material, std::size_t begin, std::size_t end, 
 void ColorSurfaceScalar(const Material& material, std::size_t begin, std::size_t end,
                         const FragmentRows& rows, const float* texture_rgba, float* rgba);
 
-inline constexpr float kDielectric = 0.04f;  // what glass, paint or skin mirror head-on
-inline constexpr float kMaskSlope = 4.0f;    // the cut-off is a ramp of alpha, so that its edge is soft
+inline constexpr float kMaskSlope = 4.0f;  // the cut-off is a ramp of alpha, so that its edge is soft
 
 }  // namespace mixstage

@@ -27,7 +27,7 @@ void ColorSurfaceVector(const Material& material, std::size_t begin, std::size_t
   const V one = hn::Set(d, 1.0f);
   const V metallic = hn::Set(d, material.metallic);
   const V matt = hn::Set(d, 1.0f - material.metallic);
-  const V dielectric = hn::Set(d, kDielectric);
+  const V dielectric = hn::Set(d, material.head_on);
   const V mask_gain = hn::Set(d, kMaskSlope * material.base_alpha);
   const V mask_offset = hn::Set(d, 0.5f - kMaskSlope * material.alpha_cutoff);
   for (std::size_t i = begin; i < end; i += hn::Lanes(d)) {

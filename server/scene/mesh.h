@@ -32,6 +32,7 @@ struct Material {
   float base_alpha = 1.0f;                  // 0..1, multiplies the texture's alpha
   int texture = -1;                         // into Mesh::textures; -1 = none
   float metallic = 0.0f, roughness = 0.8f;  // 0..1, as in glTF
+  float head_on = 0.04f;                    // 0..1, what it mirrors where it is no metal: glass, paint, skin
   bool double_sided = true;                 // false: triangles seen from behind are not drawn
   bool alpha_mask = false;                  // a pixel below alpha_cutoff is not there
   float alpha_cutoff = 0.5f;

@@ -86,11 +86,15 @@ struct Ambient {
   bool operator==(const Ambient&) const = default;
 };
 
+// A plane that mirrors (MixIn3D 3.3): a surface of the room, or with a color a patch that is not there in
+// truth.
 struct Reflector {
   std::string name;
-  Eigen::Vector4d plane = Eigen::Vector4d::Zero();  // n . x + d = 0, |n| = 1
-  std::vector<Eigen::Vector3d> polygon;
-  double reflectivity = 0, roughness = 0;  // 0..1
+  Eigen::Vector4d plane = Eigen::Vector4d::Zero();  // scene frame: n . x + d = 0, |n| = 1
+  std::vector<Eigen::Vector3d> polygon;             // corners near the plane; empty: all of the plane
+  std::optional<Eigen::Vector3f> color;             // of a patch, linear light; its polygon is convex
+  double reflectivity = 0.04;                       // 0..1, seen head-on; 0 mirrors nothing
+  double roughness = 0;                             // 0..1
 };
 
 // What follows when an object meets something.
@@ -125,6 +129,9 @@ struct Scene {
   std::uint64_t revision =
       1;  // whoever changes the scene raises it; pictures drawn of an older one are stale
 };
+
+// The scene's patches as objects to be drawn, in the order of their reflectors; nobody touches them.
+[[nodiscard]] std::vector<SceneObject> PatchObjects(const Scene& scene);
 
 // "Up" of a frame as a unit vector.
 [[nodiscard]] Eigen::Vector3d UpOf(SceneFrame frame);

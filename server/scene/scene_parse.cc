@@ -16,6 +16,8 @@ constexpr std::size_t kMostReflectors = 16;
 constexpr std::size_t kMostReactions = 64;
 constexpr std::size_t kMostCorners = 256;
 constexpr double kFarthest = 1e5;  // m
+constexpr double kOffPlane_m = 0.2;
+constexpr double kStraight = 1e-9;  // m^2
 
 Eigen::Vector3d ToVector(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
 
@@ -156,6 +158,27 @@ Status ReadLight(YamlFields& f, std::size_t number, SceneDescription& scene) {
   return f.CheckAllKnown();
 }
 
+Status CheckPolygon(const YamlFields& f, const Reflector& reflector) {
+  const std::vector<Eigen::Vector3d>& polygon = reflector.polygon;
+  const Eigen::Vector3d normal = reflector.plane.head<3>();
+  const std::size_t n = polygon.size();
+  Eigen::Vector3d twice_area = Eigen::Vector3d::Zero();
+  bool left = false, right = false;
+  for (std::size_t i = 0; i < n; ++i) {
+    const double off = std::abs(normal.dot(polygon[i]) + reflector.plane.w());
+    if (off > kOffPlane_m) return f.Bad("polygon", "has a corner that is more than 0.2 m off the plane");
+    const Eigen::Vector3d edge = polygon[(i + 1) % n] - polygon[i];
+    twice_area += (polygon[i] - polygon[0]).cross(edge);
+    const double turn = normal.dot(edge.cross(polygon[(i + 2) % n] - polygon[(i + 1) % n]));
+    left = left || turn > kStraight;
+    right = right || turn < -kStraight;
+  }
+  if (!(std::abs(normal.dot(twice_area)) > 1e-9)) return f.Bad("polygon", "spans no area");
+  if (reflector.color && left && right)
+    return f.Bad("polygon", "is not convex, as a patch with color must be");
+  return {};
+}
+
 Status ReadReflector(YamlFields& f, std::size_t number, SceneDescription& scene) {
   Reflector reflector;
   reflector.name = "reflector " + std::to_string(number + 1);
@@ -167,9 +190,20 @@ Status ReadReflector(YamlFields& f, std::size_t number, SceneDescription& scene)
       !ok) {
     return ok;
   }
+  if (f.Has("color")) {
+    std::array<double, 3> color{};
+    if (auto ok = f.Numbers("color", color); !ok) return ok;
+    for (const double c : color) {
+      if (!(c >= 0 && c <= 1)) return f.Bad("color", "has a number outside 0..1");
+    }
+    if (!f.Has("polygon")) return f.Bad("polygon", "is missing: a patch with color needs it");
+    reflector.color = ToVector(color).cast<float>();
+  }
   reflector.plane = Eigen::Vector4d(plane[0], plane[1], plane[2], plane[3]);
   const double length = reflector.plane.head<3>().norm();
   if (!(length > 1e-9)) return f.Bad("plane", "has a normal of length 0");
+  if (!(std::abs(reflector.plane.w()) <= kFarthest * length))
+    return f.Bad("plane", "is farther than 100000 m from the origin");
   if (!IsOne(length)) reflector.plane /= length;
   if (f.Has("polygon")) {
     const YAML::Node polygon = f.Raw("polygon");
@@ -181,10 +215,11 @@ Status ReadReflector(YamlFields& f, std::size_t number, SceneDescription& scene)
       bool good = corner.IsSequence() && corner.size() == 3;
       for (std::size_t k = 0; good && k < 3; ++k) good = YamlNumber(corner[k], point[static_cast<int>(k)]);
       if (!good) return f.Bad("polygon", "has a corner that is not three finite numbers");
+      if (point.cwiseAbs().maxCoeff() > kFarthest) return f.Bad("polygon", "has a number over 100000");
       reflector.polygon.push_back(point);
     }
+    if (auto ok = CheckPolygon(f, reflector); !ok) return ok;
   }
-  scene.warnings.push_back(reflector.name + ": reflectors have no effect yet");
   scene.reflectors.push_back(std::move(reflector));
   return f.CheckAllKnown();
 }

@@ -109,6 +109,7 @@ std::string ReflectorYaml(const Reflector& reflector) {
     }
     text += "]";
   }
+  if (reflector.color) text += ", color: " + Numbers(*reflector.color);
   return text + ", reflectivity: " + Number(reflector.reflectivity) +
          ", roughness: " + Number(reflector.roughness) + "}\n";
 }

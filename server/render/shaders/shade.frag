@@ -26,7 +26,6 @@ const int kSurfaceTexels = 4;
 const float kMostTaps = 4.0;
 const float kBeside = -0.1;
 const float kLongestStep = 16.0;
-const float kDielectric = 0.04;
 const float kMaskSlope = 4.0;
 const float kPi = 3.14159265358979;
 
@@ -36,6 +35,7 @@ struct Surface {
   int first_level, level_count, wrap_u, wrap_v;
   int color_shift;
   uint object_id;
+  float head_on;
 };
 
 Surface FetchSurface(int index) {
@@ -46,7 +46,8 @@ Surface FetchSurface(int index) {
   vec4 e = uintBitsToFloat(a);
   vec4 f = uintBitsToFloat(b);
   ivec4 g = ivec4(c);
-  return Surface(e.rgb, e.a, f.x, f.y, f.z, f.w, g.x, g.y, g.z, g.w, int(d.x), d.y);
+  return Surface(e.rgb, e.a, f.x, f.y, f.z, f.w, g.x, g.y, g.z, g.w, int(d.x), d.y,
+                 uintBitsToFloat(d.z));
 }
 
 // SurfaceKey::AreOne, of one object.
@@ -211,7 +212,7 @@ void Shade(int id, vec2 ray_xy, float share, out vec4 rgba, out float z, out uin
     coverage *= clamp(0.5 + kMaskSlope * (alpha - surface.alpha_cutoff), 0.0, 1.0);
   }
   vec3 albedo = surface.base_color * texture_rgba.rgb;
-  vec3 mirror = kDielectric + surface.metallic * (albedo - kDielectric);
+  vec3 mirror = surface.head_on + surface.metallic * (albedo - surface.head_on);
   rgba = vec4(coverage * ((1.0 - surface.metallic) * albedo * diffuse + mirror * specular), coverage);
 }
 

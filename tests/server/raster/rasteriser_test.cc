@@ -181,6 +181,38 @@ TEST_P(RasteriserTest, NearPlaneCutsAFloorThatRunsUnderTheCamera) {
   }
 }
 
+TEST_P(RasteriserTest, TheHalfSpaceCutsATriangleOnItsPlane) {
+  const PinholeCamera camera = StrongLens();
+  auto rasteriser = Make(camera);
+  // A wall 3 m away; drawn where x + y / 2 >= 0.1, through the near plane too.
+  const Eigen::Vector3f normal = Eigen::Vector3f(2, 1, 0).normalized();
+  PictureGrid grid;
+  grid.half_space << normal, -0.2f / std::sqrt(5.0f);
+  const auto draw = [&](const Mesh& mesh) {
+    rasteriser->Begin(grid);
+    rasteriser->Draw(mesh.View(), kHere, 0, Faces::kBoth);
+    return rasteriser->Finish().depth_m.clone();
+  };
+  const cv::Mat1f cut = draw(Quad({-4, -4, 3}, {8, 0, 0}, {0, 8, 0}, 3));
+  int kept = 0;
+  for (int v = 0; v < camera.height; ++v) {
+    for (int u = 0; u < camera.width; ++u) {
+      const auto ray = camera.Unproject({u, v});
+      ASSERT_TRUE(ray);
+      const double over = 3 * (2 * ray->x() + ray->y()) - 0.2;
+      if (std::abs(over) < 0.02) continue;  // a pixel
+      ASSERT_EQ(cut(v, u) > 0, over > 0) << u << " " << v;
+      if (over < 0) continue;
+      ASSERT_NEAR(cut(v, u), 3, 1e-4);
+      ++kept;
+    }
+  }
+  EXPECT_GT(kept, 20000);
+  const cv::Mat1f floor = draw(Quad({-1, 0.5f, -1}, {2, 0, 0}, {0, 0, 9}));
+  EXPECT_GT(cv::countNonZero(floor), 1000);
+  for (int u = 0; u < camera.width / 3; ++u) ASSERT_EQ(floor(camera.height - 1, u), 0);
+}
+
 TEST_P(RasteriserTest, NothingFoldsBackIntoThePicture) {
   // Folds at r = 0.816 (39 degrees), where it images at r = 0.544; the picture's corners lie beyond.
   const PinholeCamera camera{

@@ -30,6 +30,7 @@ lights:
   - {name: bulb, kind: point, position: [1, 1, 2]}
 reflectors:
   - {name: desk, plane: [0, 0, 2, -1.5], polygon: [[0, 0, 0.75], [1, 0, 0.75], [0, 1, 0.75]], reflectivity: 0.15, roughness: 0.1}
+  - {plane: [0, 0, 1, 0], polygon: [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], color: [0.1, 0.2, 0.3]}
 )");
   ASSERT_EQ(scene.objects.size(), 2u);
   EXPECT_EQ(*scene.objects[0].pose * Eigen::Vector3d(1, 1, 1), Eigen::Vector3d(3, 4, 5));
@@ -42,9 +43,12 @@ reflectors:
   const auto& sun = std::get<DirectionalLight>(scene.lights[1].shape);
   EXPECT_LT((sun.toward_light - Eigen::Vector3d(-1, 0, 1).normalized()).norm(), 1e-12);
   EXPECT_EQ(std::get<PointLight>(scene.lights[2].shape).position, Eigen::Vector3d(1, 1, 2));
-  ASSERT_EQ(scene.reflectors.size(), 1u);
   EXPECT_DOUBLE_EQ(scene.reflectors[0].plane[3], -0.75);  // of unit normal
-  EXPECT_EQ(scene.warnings.size(), 1u);                   // reflectors
+  EXPECT_FALSE(scene.reflectors[0].color);
+  ASSERT_EQ(scene.reflectors.size(), 2u);
+  EXPECT_EQ(scene.reflectors[1].color, Eigen::Vector3f(0.1f, 0.2f, 0.3f));
+  EXPECT_EQ(scene.reflectors[1].reflectivity, 0.04);
+  EXPECT_EQ(scene.warnings.size(), 0u);
 }
 
 TEST(SceneFile, PresetsOfACameraSceneComeFromAboveInItsOwnFrame) {
@@ -116,7 +120,27 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"lights:\n  - {name: a}\n", "lights[0].kind is missing"},
         Mistake{"reflectors:\n  - {plane: [0, 0, 0, 1]}\n", "reflectors[0].plane has a normal of length 0"},
         Mistake{"reflectors:\n  - {plane: [0, 0, 1, 0], polygon: [[0, 0], [1, 1], [2, 2]]}\n",
-                "reflectors[0].polygon has a corner"},
+                "reflectors[0].polygon has a corner that is not three"},
+        Mistake{"reflectors:\n  - {plane: [0, 0, 1, .nan]}\n", "reflectors[0].plane"},
+        Mistake{"reflectors:\n  - {plane: [0, 0, 1, 0], reflectivity: 1.1}\n",
+                "reflectors[0].reflectivity is outside 0..1"},
+        Mistake{"reflectors:\n  - {plane: [0, 0, 1, 0], roughness: -0.1}\n",
+                "reflectors[0].roughness is outside 0..1"},
+        Mistake{"reflectors:\n  - {plane: [0, 0, 1, 0], polygon: [[0, 0, 0], [1, 1, 0], [2, 2, 0]]}\n",
+                "reflectors[0].polygon spans no area"},
+        Mistake{
+            "reflectors:\n  - {plane: [0, 0, 1, 0.7], polygon: [[0, 0, 0.7], [1, 0, 0.7], [1, 1, 0.7]]}\n",
+            "reflectors[0].polygon has a corner that is more than 0.2 m off the plane"},
+        Mistake{"reflectors:\n  - {plane: [0, 0, 1, 0], color: [1, 1, 1]}\n",
+                "reflectors[0].polygon is missing"},
+        Mistake{
+            "reflectors:\n  - {plane: [0, 0, 1, 0], color: [1, 1, 2], polygon: [[0, 0, 0], [1, 0, 0], [1, 1, "
+            "0]]}\n",
+            "reflectors[0].color has a number outside 0..1"},
+        Mistake{
+            "reflectors:\n  - {plane: [0, 0, 1, 0], color: [1, 1, 1], polygon: [[0, 0, 0], [2, 0, 0], [2, 2, "
+            "0], [1.5, 0.5, 0]]}\n",
+            "reflectors[0].polygon is not convex"},
         Mistake{"reactions:\n  - {object: a, meets: floor, message: x}\n",
                 "reactions[0].object names no object: a"},
         Mistake{"objects:\n  - {name: a, file: a.glb}\nreactions:\n  - {object: a, message: x}\n",
