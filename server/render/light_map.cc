@@ -12,6 +12,7 @@ namespace mixstage {
 namespace {
 
 constexpr std::size_t kRoomTriangles = 30'000;
+constexpr int kRefinedAFrame = 24;          // squares, once everything stands
 constexpr std::size_t kRoomMapsAFrame = 4;  // after lamps have changed; a few ms each
 constexpr int kTile = LightMap::kTile;
 constexpr int kReach = 4;       // pixels of the factors to the neighbours that a normal is taken from
@@ -57,7 +58,7 @@ LightMapper::LightMapper(const PinholeCamera& color)
     factors->create(half_);
     factors->setTo(cv::Scalar::all(1));
   }
-  for (cv::Mat1b* touched : {&map_.touched, &room_touched_})
+  for (cv::Mat1b* touched : {&map_.touched, &room_touched_, &room_coarse_})
     *touched =
         cv::Mat1b((half_.height + kTile - 1) / kTile, (half_.width + kTile - 1) / kTile, std::uint8_t{0});
 }
@@ -87,6 +88,8 @@ bool LightMapper::SameObjects(const Scene& scene) const {
 
 void LightMapper::PlaceObjects(const Scene& scene) {
   ++objects_revision_;
+  const std::vector<Object> before = std::move(objects_);
+  const std::vector<std::shared_ptr<const Mesh>> meshes_before = placed_meshes_;
   objects_.clear();
   placed_meshes_.clear();
   surfels_.clear();
@@ -109,6 +112,15 @@ void LightMapper::PlaceObjects(const Scene& scene) {
     const Eigen::Matrix3f of_area = (volume * T.linear().inverse().transpose()).cast<float>();
     for (const Surfel& surfel : shape->surfels) {
       surfels_.push_back({(T * surfel.center.cast<double>()).cast<float>(), of_area * surfel.facing});
+    }
+  }
+  moved_.reset();
+  if (placed_meshes_ == meshes_before) {
+    moved_.emplace();
+    for (std::size_t k = 0; k < objects_.size(); ++k) {
+      if (before[k].T_scene_object.matrix() == objects_[k].T_scene_object.matrix()) continue;
+      for (const Object& object : {before[k], objects_[k]})
+        moved_->push_back({object.center, object.radius_m});
     }
   }
   std::erase_if(shapes_, [&](const auto& known) {
@@ -310,35 +322,84 @@ bool LightMapper::Shade(Spots& spots, cv::Mat3f& factors) {
 }
 
 template <typename Depth>
-std::optional<LightMapper::Tile> LightMapper::TileAt(const Depth& depth, int x0, int y0) {
-  Tile tile;
-  tile.box = cv::Rect(x0, y0, kTile, kTile) & cv::Rect({}, half_);
+LightMapper::Sphere LightMapper::SphereOf(const Depth& depth, const cv::Rect& tile) const {
   Eigen::AlignedBox3f box;
-  for (int y = y0; y < tile.box.br().y; y += 3) {
-    for (int x = x0; x < tile.box.br().x; x += 3) {
+  for (int y = tile.y; y < tile.br().y; y += 3) {
+    for (int x = tile.x; x < tile.br().x; x += 3) {
       const float z = depth(x, y);
       const cv::Vec2f& ray = rays_(y, x);
       if (z > 0 && ray[0] == ray[0]) box.extend(R_ * Eigen::Vector3f(z * ray[0], z * ray[1], z) + t_);
     }
   }
-  if (box.isEmpty() || !MayBeShaded(box.center(), 0.55f * box.diagonal().norm())) return std::nullopt;
+  if (box.isEmpty()) return {};
+  return {box.center(), 0.55f * box.diagonal().norm()};
+}
+
+template <typename Depth>
+std::optional<LightMapper::Tile> LightMapper::TileAt(const Depth& depth, int x0, int y0) {
+  Tile tile;
+  tile.box = cv::Rect(x0, y0, kTile, kTile) & cv::Rect({}, half_);
+  const Sphere points = SphereOf(depth, tile.box);
+  if (points.radius_m < 0 || !MayBeShaded(points.center, points.radius_m)) return std::nullopt;
   return tile;
 }
 
-void LightMapper::LightRoom(const LightMapInput& in) {
+// Whether what has moved may change anything there.
+bool LightMapper::MovedReach(const Sphere& points) const {
+  if (points.radius_m < 0) return false;
+  return std::any_of(moved_->begin(), moved_->end(), [&](const Sphere& moved) {
+    if ((points.center - moved.center).norm() - points.radius_m < kHidingRadii * moved.radius_m) return true;
+    return std::any_of(lamps_.begin(), lamps_.end(), [&](const Lamp& lamp) {
+      return IsBehind(lamp.sample, moved.center, moved.radius_m, points.center, points.radius_m);
+    });
+  });
+}
+
+void LightMapper::LightRoom(const LightMapInput& in, Renew renew) {
+  const auto depth = [&](int x, int y) { return in.room_depth_m(2 * y, 2 * x); };
+  std::swap(room_, room_before_);
   room_.Clear();
   room_touched_.setTo(0);
-  map_.room.setTo(cv::Scalar::all(1));
+  if (renew == Renew::kAll) {
+    room_tiles_.clear();
+    room_coarse_.setTo(0);
+    map_.room.setTo(cv::Scalar::all(1));
+  }
   if (in.room_revision == 0) return;
-  const auto depth = [&](int x, int y) { return in.room_depth_m(2 * y, 2 * x); };
   const std::size_t lamps = lamps_.size();
+  std::size_t number = 0;
+  auto kept = room_before_.tiles.begin();
+  int refined = 0;
   for (int y0 = 0; y0 < half_.height; y0 += kTile) {
-    for (int x0 = 0; x0 < half_.width; x0 += kTile) {
-      auto tile = TileAt(depth, x0, y0);
-      if (!tile) continue;
-      tile->begin = room_.spots.size();
-      for (int y = y0; y < tile->box.br().y; y += step_) {
-        for (int x = x0; x < tile->box.br().x; x += step_) {
+    for (int x0 = 0; x0 < half_.width; x0 += kTile, ++number) {
+      const cv::Rect box = cv::Rect(x0, y0, kTile, kTile) & cv::Rect({}, half_);
+      std::uint8_t& coarse = room_coarse_(y0 / kTile, x0 / kTile);
+      if (renew == Renew::kAll) {
+        room_tiles_.push_back(SphereOf(depth, box));
+      } else {
+        const auto old = kept;
+        const bool was = kept != room_before_.tiles.end() && kept->box == box;
+        if (was) ++kept;
+        const bool again = renew == Renew::kMoved ? MovedReach(room_tiles_[number])
+                                                  : coarse != 0 && refined < kRefinedAFrame;
+        if (!again) {
+          if (was) KeepTile(room_before_, *old);
+          continue;
+        }
+        ++refined;
+        map_.room(box).setTo(cv::Scalar::all(1));
+      }
+      coarse = 0;
+      const Sphere& points = room_tiles_[number];
+      if (points.radius_m < 0 || !MayBeShaded(points.center, points.radius_m)) continue;
+      coarse = step_ > 1 ? 255 : 0;
+      Tile tile;
+      tile.box = box;
+      tile.begin = room_.spots.size();
+      // What moves is seen for a moment only: ambient light is hidden in blocks.
+      std::array<std::optional<float>, kTile * kTile / 16> hides;
+      for (int y = y0; y < tile.box.br().y; y += step_) {
+        for (int x = x0; x < tile.box.br().x; x += step_) {
           const auto at = PointAt(depth, x, y);
           if (!at) continue;
           const Eigen::Vector3f raised = at->position + kOffCg_m * at->normal;
@@ -347,7 +408,9 @@ void LightMapper::LightRoom(const LightMapInput& in) {
             share_[i] = shaded_[i] != 0 ? lamps_[i].cg.Lit(raised, 0) : 1.0f;
             shaded = shaded || share_[i] < 1;
           }
-          const float hidden = HiddenAmbient({raised, at->normal});
+          auto& block = hides[static_cast<std::size_t>((y - y0) / 4 * (kTile / 4) + (x - x0) / 4)];
+          if (step_ == 1 || !block) block = HiddenAmbient({raised, at->normal});
+          const float hidden = *block;
           if (!shaded && hidden < kLeastHidden) continue;
           const Eigen::Vector3f ambient = light_.ambient.At(at->normal);
           room_.spots.push_back(
@@ -368,10 +431,25 @@ void LightMapper::LightRoom(const LightMapInput& in) {
           }
         }
       }
-      if (room_.spots.size() > tile->begin) Touch(tile->box, room_touched_);
-      Close(*tile, room_, map_.room);
+      Close(tile, room_, map_.room);
     }
   }
+  for (const Tile& tile : room_.tiles) Touch(tile.box, room_touched_);
+}
+
+// A square of the room as it was.
+void LightMapper::KeepTile(const Spots& before, Tile tile) {
+  const std::size_t lamps = lamps_.size(), begin = tile.begin, end = tile.end;
+  const auto copy = [](const auto& from, std::size_t first, std::size_t last, auto& to) {
+    to.insert(to.end(), from.begin() + static_cast<std::ptrdiff_t>(first),
+              from.begin() + static_cast<std::ptrdiff_t>(last));
+  };
+  tile.begin = room_.spots.size();
+  copy(before.spots, begin, end, room_.spots);
+  copy(before.seen, lamps * begin, lamps * end, room_.seen);
+  copy(before.kept, lamps * begin, lamps * end, room_.kept);
+  tile.end = room_.spots.size();
+  room_.tiles.push_back(tile);
 }
 
 void LightMapper::LightActor(const LightMapInput& in) {
@@ -490,7 +568,15 @@ const LightMap& LightMapper::Run(const LightMapInput& in) {
   const int step = stands || first ? 1 : 2;
   const bool anew = !stands || made_.room_maps != now.room_maps || step != step_;
   step_ = step;
-  if (anew || made_.room != now.room) LightRoom(in);
+  const bool elsewhere = made_.lamps != now.lamps || made_.room_maps != now.room_maps ||
+                         made_.room != now.room || made_.T_scene_color.matrix() != now.T_scene_color.matrix();
+  if (elsewhere || (moved && !moved_)) {
+    LightRoom(in, Renew::kAll);
+  } else if (moved) {
+    LightRoom(in, Renew::kMoved);
+  } else if (cv::countNonZero(room_coarse_) > 0) {
+    LightRoom(in, Renew::kCoarse);
+  }
   if (anew || made_.drawing != now.drawing) {
     LightCg(in);
     ++map_.cg_revision;

@@ -78,6 +78,10 @@ class LightMapper {
   struct Point {
     Eigen::Vector3f position, normal;
   };
+  struct Sphere {
+    Eigen::Vector3f center = Eigen::Vector3f::Zero();
+    float radius_m = -1;  // < 0: nothing is there
+  };
   using Lamps = std::vector<std::uint8_t>;  // one a lamp: 0 = does not matter
   // A pixel of the factors that is not 1, as everything but the actor leaves it. Light is received x the
   // lamp's strength.
@@ -103,12 +107,16 @@ class LightMapper {
   };
 
   void PlaceLamps(const LightMapInput& in);
+  // Also says where objects have been and are that moved: moved_; nothing where others are there now.
   void PlaceObjects(const Scene& scene);
   void Touch(const cv::Rect& tile, cv::Mat1b& touched) const;
   [[nodiscard]] bool SameObjects(const Scene& scene) const;
   void PlaceActor(const LightMapInput& in);
   void DrawRoomMaps(std::size_t most);
-  void LightRoom(const LightMapInput& in);
+  enum class Renew { kAll, kMoved, kCoarse };
+  void LightRoom(const LightMapInput& in, Renew renew);
+  [[nodiscard]] bool MovedReach(const Sphere& points) const;
+  void KeepTile(const Spots& before, Tile tile);
   void LightActor(const LightMapInput& in);
   void LightCg(const LightMapInput& in);
   static void Fill(const Spot& spot, const cv::Vec3f& factor, cv::Mat3f& factors);
@@ -123,6 +131,8 @@ class LightMapper {
   // Nothing where no point of it may be shaded; shaded_ and hiding_ say by what.
   template <typename Depth>
   std::optional<Tile> TileAt(const Depth& depth, int x0, int y0);
+  template <typename Depth>
+  [[nodiscard]] Sphere SphereOf(const Depth& depth, const cv::Rect& tile) const;
   template <typename Depth>
   std::optional<Point> PointAt(const Depth& depth, int x, int y) const;
 
@@ -151,7 +161,10 @@ class LightMapper {
   int step_ = 1;
   LightMap map_;
   Spots room_, cg_;
-  cv::Mat1b room_touched_;
+  Spots room_before_;                         // scratch
+  std::optional<std::vector<Sphere>> moved_;  // objects of the last change, before and after it
+  std::vector<Sphere> room_tiles_;            // around the room's points, of every square
+  cv::Mat1b room_touched_, room_coarse_;      // a square: 255 = only every second pixel was shaded
   // Scratch.
   Lamps shaded_;
   std::vector<std::uint8_t> hiding_;  // one an object: 0 = too far away to hide ambient light

@@ -148,6 +148,30 @@ TEST(LightMap, ObjectsThatAreHiddenOrGoneCastNothing) {
   EXPECT_EQ(cv::countNonZero(stage.Run().touched), 0);
 }
 
+TEST(LightMap, WhatOneObjectLeavesAloneStaysAndTheRestIsAsIfMadeAnew) {
+  const auto with_two = [](double x) {
+    Stage stage({PointAt(0.8, 3)}, x);
+    stage.light.ambient = test::EvenAmbient(0.1f);
+    stage.scene.objects.push_back(test::Placed(test::Rectangle(0.3f, 0.3f),
+                                               Eigen::Affine3d(Eigen::Translation3d(-0.9, 0.6, kSquare_m))));
+    return stage;
+  };
+  Stage moved = with_two(0.5);
+  moved.Run();
+  for (const double x : {0.3, 0.1, -0.1}) {
+    moved.scene.objects[0].T_scene_object = Eigen::Translation3d(x, 0, kSquare_m);
+    ++moved.scene.revision;
+    moved.Run();
+  }
+  for (int i = 0; i < 20; ++i) moved.Run();  // stands: refined, some squares a frame
+  Stage fresh = with_two(-0.1);
+  const LightMap& expected = fresh.Run();
+  const LightMap& made = moved.Run();
+  EXPECT_LT(cv::norm(made.room, expected.room, cv::NORM_INF), 1e-5);
+  EXPECT_EQ(cv::norm(made.touched, expected.touched, cv::NORM_INF), 0);
+  EXPECT_LT(made.room(moved.PixelOf(-0.53, 0, kWall_m))[0], 0.6f);  // the moved shadow
+}
+
 TEST(LightMap, TheSunShinesThroughWallsAndCastsParallelShadows) {
   Light sun;
   sun.name = "sun";
