@@ -16,7 +16,7 @@ using Json = nlohmann::json;
 
 constexpr int kMaxId = std::numeric_limits<int>::max();
 constexpr std::array<const char*, std::variant_size_v<EditOp>> kOpNames = {
-    "add", "move", "turn", "drop", "delete", "hide", "light", "undo", "redo", "save"};
+    "add", "move", "turn", "drop", "delete", "hide", "light", "avatar", "undo", "redo", "save"};
 
 std::string Dump(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
 
@@ -109,9 +109,16 @@ EditOp ReadOp(JsonReader& read) {
       ReadLight(read, &light);
       return light;
     }
-    case 8:
-      return RedoEdit{};
+    case 7: {
+      PlaceAvatar place;
+      if (read.Has("position")) read.Numbers("position", place.position.emplace());
+      if (read.Has("turn_deg")) read.Double("turn_deg", &place.turn_deg.emplace());
+      if (!place.position && !place.turn_deg) read.Refuse("avatar", "comes without position or turn_deg");
+      return place;
+    }
     case 9:
+      return RedoEdit{};
+    case 10:
       return SaveScene{};
     default:  // undo, and what was refused
       return UndoEdit{};
@@ -134,6 +141,16 @@ Result<WatchObject> ReadObject(const Json& item) {
   read.Bool("hidden", &object.hidden);
   if (!read.status()) return Within("objects", read.status().error());
   return object;
+}
+
+Result<WatchAvatar> ReadAvatarOf(const Json& item) {
+  WatchAvatar avatar;
+  JsonReader read(item);
+  read.Numbers("anchor", avatar.anchor);
+  read.Numbers("position", avatar.position);
+  read.Double("turn_deg", &avatar.turn_deg);
+  if (!read.status()) return Within("avatar", read.status().error());
+  return avatar;
 }
 
 Result<WatchLight> ReadLightOf(const Json& item) {
@@ -187,6 +204,10 @@ struct PutOp {
     if (light.color) json["color"] = List(*light.color);
     if (light.intensity) json["intensity"] = Finite(*light.intensity);
   }
+  void operator()(const PlaceAvatar& place) const {
+    if (place.position) json["position"] = List(*place.position);
+    if (place.turn_deg) json["turn_deg"] = Finite(*place.turn_deg);
+  }
   void operator()(const UndoEdit&) const {}
   void operator()(const RedoEdit&) const {}
   void operator()(const SaveScene&) const {}
@@ -219,17 +240,23 @@ std::string ToJson(const WatchScene& scene) {
                       {"color", List(light.color)},
                       {"intensity", Finite(light.intensity)}});
   }
-  return Dump({{"type", "scene"},
-               {"revision", scene.revision},
-               {"frame", scene.frame},
-               {"up", List(scene.up)},
-               {"can_undo", scene.can_undo},
-               {"can_redo", scene.can_redo},
-               {"unsaved", scene.unsaved},
-               {"by", scene.by},
-               {"objects", std::move(objects)},
-               {"lights", std::move(lights)},
-               {"models", scene.models}});
+  Json json({{"type", "scene"},
+             {"revision", scene.revision},
+             {"frame", scene.frame},
+             {"up", List(scene.up)},
+             {"can_undo", scene.can_undo},
+             {"can_redo", scene.can_redo},
+             {"unsaved", scene.unsaved},
+             {"by", scene.by},
+             {"objects", std::move(objects)},
+             {"lights", std::move(lights)},
+             {"models", scene.models}});
+  if (const auto& avatar = scene.avatar) {
+    json["avatar"] = {{"anchor", List(avatar->anchor)},
+                      {"position", List(avatar->position)},
+                      {"turn_deg", Finite(avatar->turn_deg)}};
+  }
+  return Dump(json);
 }
 
 std::string ToJson(const WatchRefused& refused) {
@@ -245,7 +272,7 @@ std::string ToJson(const WatchEdit& edit) {
 
 Result<WatchScene> ReadScene(const JsonFields& fields) {
   WatchScene scene;
-  const Json *objects = nullptr, *lights = nullptr, *models = nullptr;
+  const Json *objects = nullptr, *lights = nullptr, *models = nullptr, *avatar = nullptr;
   JsonReader read(fields);
   read.Count("revision", &scene.revision);
   read.Text("frame", &scene.frame);
@@ -258,7 +285,13 @@ Result<WatchScene> ReadScene(const JsonFields& fields) {
   read.List("objects", kMaxSceneObjects, &objects);
   read.List("lights", kMaxSceneLights, &lights);
   read.List("models", kMaxSceneModels, &models);
+  if (read.Has("avatar")) read.Object("avatar", &avatar);
   if (!read.status()) return Within("scene", read.status().error());
+  if (avatar != nullptr) {
+    Result<WatchAvatar> read_avatar = ReadAvatarOf(*avatar);
+    if (!read_avatar) return Within("scene", read_avatar.error());
+    scene.avatar = *read_avatar;
+  }
   for (const Json& item : *objects) {
     Result<WatchObject> object = ReadObject(item);
     if (!object) return Within("scene", object.error());
@@ -293,10 +326,10 @@ Result<WatchEdit> ReadEdit(const JsonFields& fields) {
   read.Int("id", 0, kMaxId, &edit.id);
   if (read.Has("live")) read.Bool("live", &edit.live);
   edit.op = ReadOp(read);
-  const bool draggable = std::holds_alternative<MoveObject>(edit.op) ||
-                         std::holds_alternative<TurnObject>(edit.op) ||
-                         std::holds_alternative<ChangeLight>(edit.op);
-  if (edit.live && !draggable) read.Refuse("live", "belongs to move, turn and light alone");
+  const bool draggable =
+      std::holds_alternative<MoveObject>(edit.op) || std::holds_alternative<TurnObject>(edit.op) ||
+      std::holds_alternative<ChangeLight>(edit.op) || std::holds_alternative<PlaceAvatar>(edit.op);
+  if (edit.live && !draggable) read.Refuse("live", "belongs to move, turn, light and avatar alone");
   if (!read.status()) return Within("edit", read.status().error());
   return edit;
 }

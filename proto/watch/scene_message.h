@@ -44,6 +44,14 @@ struct WatchLight {
   bool operator==(const WatchLight&) const = default;
 };
 
+// The actor in another space: where the anchor of his floor lies in it, and how his world is turned.
+struct WatchAvatar {
+  std::array<double, 2> anchor{};    // his world
+  std::array<double, 3> position{};  // scene frame
+  double turn_deg = 0;               // about up
+  bool operator==(const WatchAvatar&) const = default;
+};
+
 struct WatchScene {
   std::uint64_t revision = 0;
   std::string frame{"world"};  // world, camera
@@ -52,6 +60,7 @@ struct WatchScene {
   std::string by{};  // who changed it last; empty = nobody yet
   std::vector<WatchObject> objects{};
   std::vector<WatchLight> lights{};
+  std::optional<WatchAvatar> avatar{};
   std::vector<std::string> models{};  // files that may be added
   bool operator==(const WatchScene&) const = default;
 };
@@ -116,6 +125,11 @@ struct ChangeLight {  // at least one of the three
   std::optional<double> intensity{};
   bool operator==(const ChangeLight&) const = default;
 };
+struct PlaceAvatar {  // at least one of the two
+  std::optional<std::array<double, 3>> position{};
+  std::optional<double> turn_deg{};
+  bool operator==(const PlaceAvatar&) const = default;
+};
 struct UndoEdit {
   bool operator==(const UndoEdit&) const = default;
 };
@@ -127,11 +141,11 @@ struct SaveScene {
 };
 
 using EditOp = std::variant<AddObject, MoveObject, TurnObject, DropObject, DeleteObject, HideObject,
-                            ChangeLight, UndoEdit, RedoEdit, SaveScene>;
+                            ChangeLight, PlaceAvatar, UndoEdit, RedoEdit, SaveScene>;
 
 struct WatchEdit {
   int id = 0;         // the sender's own number, >= 0
-  bool live = false;  // in the middle of a drag: of move, turn and light only
+  bool live = false;  // in the middle of a drag: of move, turn, light and avatar only
   EditOp op{UndoEdit{}};
   bool operator==(const WatchEdit&) const = default;
 };

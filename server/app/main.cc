@@ -11,6 +11,7 @@
 #include "server/app/access_commands.h"
 #include "server/app/calibrate.h"
 #include "server/app/config.h"
+#include "server/app/open_avatar.h"
 #include "server/app/open_environment.h"
 #include "server/app/process.h"
 #include "server/app/run.h"
@@ -222,8 +223,11 @@ int Check(const CheckFlags& f) {
     auto scene = LoadScene(f.scene, [](const auto& file) { return LoadModelApart(file); });
     if (!scene) return Report(scene.error());
     for (const std::string& warning : scene->warnings) std::printf("warning: %s\n", warning.c_str());
-    std::printf("%s: good: %zu objects, %zu lights\n", f.scene.c_str(), scene->scene.objects.size(),
-                scene->scene.lights.size());
+    auto avatar = OpenAvatar(scene->scene, f.scene);
+    if (!avatar) return Report(avatar.error());
+    for (const std::string& warning : avatar->warnings) std::printf("warning: %s\n", warning.c_str());
+    std::printf("%s: good: %zu objects, %zu lights%s\n", f.scene.c_str(), scene->scene.objects.size(),
+                scene->scene.lights.size(), scene->scene.avatar ? ", an avatar" : "");
   }
   if (!f.config.empty()) {
     auto config = LoadStudioConfig(f.config);

@@ -61,11 +61,11 @@ Status MeshExporter::Write(const Frame& frame, const fs::path& folder, StageTime
   const PictureMesh* mesh = nullptr;
   {
     const StageTimer timer(times, "actor_mesh");
-    mesh = &mesher_.Run(View(frame.alpha), View(frame.actor_depth_m), frame.T_world_color);
+    mesh = &mesher_.Run(View(frame.alpha), View(frame.actor_depth_m), frame.T_world_view);
   }
   if (mesh->empty()) return {};
   MeshView view{.positions = mesh->positions, .uvs = mesh->uvs, .indices = mesh->indices};
-  const YuvImage crop = Crop(frame.captured->color, mesh->crop);
+  const YuvImage crop = Crop(frame.Real(), mesh->crop);
   const fs::path file = folder / frame.captured->stem;
   const auto with = [&file](const char* extension) { return fs::path(file.string() + extension); };
   if (format_ == MeshFormat::kPly) {

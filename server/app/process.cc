@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -16,6 +17,7 @@
 #include "proto/base/log.h"
 #include "proto/base/version.h"
 #include "server/app/learn_take.h"
+#include "server/app/open_avatar.h"
 #include "server/app/open_environment.h"
 #include "server/composite/relight.h"
 #include "server/ingest/take_ingest.h"
@@ -281,6 +283,11 @@ Result<std::string> RunProcess(const ProcessOptions& options) {
     auto scene = LoadScene(*options.scene, [](const fs::path& file) { return LoadModelApart(file); });
     if (!scene) return tl::unexpected(scene.error());
     totals.warnings.insert(totals.warnings.end(), scene->warnings.begin(), scene->warnings.end());
+    auto avatar = OpenAvatar(scene->scene, *options.scene);
+    if (!avatar) return tl::unexpected(avatar.error());
+    warn(avatar->warnings);
+    setup.avatar = std::move(avatar->setup);
+    setup.avatar.start_us = std::llround(take->color.front().t_s * 1e6);
     setup.scene = std::move(scene->scene);
   }
   if (options.poses) {
@@ -308,7 +315,7 @@ Result<std::string> RunProcess(const ProcessOptions& options) {
   for (const std::string& warning : totals.warnings) spdlog::warn("process {}", warning);
   std::optional<Broadcast> broadcast;
   if (options.encode) {
-    auto created = Broadcast::Create({}, studio->rig().color, "process", nullptr);
+    auto created = Broadcast::Create({}, studio->view(), "process", nullptr);
     if (!created) return tl::unexpected(created.error());
     broadcast = std::move(*created);
   }
@@ -321,7 +328,7 @@ Result<std::string> RunProcess(const ProcessOptions& options) {
   }
   std::optional<MeshExporter> meshes;
   if (options.exports.contains(Export::kMesh)) {
-    auto created = MeshExporter::Create(studio->rig().color, options.mesh_format);
+    auto created = MeshExporter::Create(studio->view(), options.mesh_format);
     if (!created) return tl::unexpected(created.error());
     meshes.emplace(std::move(*created));
   }

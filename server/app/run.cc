@@ -14,6 +14,7 @@
 
 #include "proto/base/log.h"
 #include "server/app/learn_take.h"
+#include "server/app/open_avatar.h"
 #include "server/app/open_environment.h"
 #include "server/pipeline/director.h"
 #include "server/pipeline/live_show.h"
@@ -105,6 +106,10 @@ Result<Studio> OpenStudio(const StudioConfig& config) {
   if (!config.scene.empty()) {
     auto scene = OpenScene(config.scene, setup.rig);
     if (!scene) return tl::unexpected(scene.error());
+    auto avatar = OpenAvatar(*scene, config.scene);
+    if (!avatar) return tl::unexpected(avatar.error());
+    for (const std::string& warning : avatar->warnings) spdlog::warn("avatar {}", warning);
+    setup.avatar = std::move(avatar->setup);
     setup.scene = std::move(*scene);
   }
   auto studio = Studio::Create(std::move(setup));
@@ -143,7 +148,7 @@ Status CheckShow(const StudioConfig& config) {
   if (auto ok = CheckDelivery(config); !ok) return ok;
   auto studio = OpenStudio(config);
   if (!studio) return tl::unexpected(studio.error());
-  auto broadcast = Broadcast::Create({config.color, config.depth}, studio->rig().color, config.name, nullptr);
+  auto broadcast = Broadcast::Create({config.color, config.depth}, studio->view(), config.name, nullptr);
   if (!broadcast) return tl::unexpected(broadcast.error());
   return {};
 }
@@ -179,10 +184,9 @@ Status RunShow(const StudioConfig& config) {
     return show != nullptr ? show->MetricsText() : std::string();
   });
   if (auto ok = gateway.Start(); !ok) return ok;
-  auto broadcast =
-      Broadcast::Create({config.color, config.depth}, studio->rig().color, config.name, &gateway);
+  auto broadcast = Broadcast::Create({config.color, config.depth}, studio->view(), config.name, &gateway);
   if (!broadcast) return tl::unexpected(broadcast.error());
-  auto meshes = MeshBroadcast::Create(studio->rig().color, gateway);
+  auto meshes = MeshBroadcast::Create(studio->view(), gateway);
   if (!meshes) return tl::unexpected(meshes.error());
   gateway.SetHello({.name = config.name, .server_us = 0, .streams = {}});
   auto recorder = StartRecording(config);
@@ -199,7 +203,7 @@ Status RunShow(const StudioConfig& config) {
         Director::Setup{.scene = *studio->scene(),
                         .default_light = studio->DefaultLights(),
                         .file = config.scene,
-                        .color = studio->rig().color,
+                        .color = studio->view(),
                         .edits = gateway_config.edits,
                         .load = [](const fs::path& model,
                                    const std::stop_token& stop) { return LoadModelApart(model, {}, stop); }},

@@ -29,6 +29,7 @@ struct FrameStages {
   static void LearnRoom(Studio& s, Frame& f);
   static void KeyActor(Studio& s, Frame& f);
   static void ShapeActor(Studio& s, Frame& f);
+  static void PlaceAvatar(Studio& s, Frame& f);
   static void StepPhysics(Studio& s, Frame& f);
   static void RenderScene(Studio& s, Frame& f);
   static void ShadeLightMap(Studio& s, Frame& f);
@@ -56,6 +57,7 @@ constexpr std::array kStages = {
           &FrameStages::KeyActor},
     Stage{{"actor_surface", 2.0, "frame", "the actor's depth          MixIn3D 2.4"},
           &FrameStages::ShapeActor},
+    Stage{{"place_avatar", 6.0, "frame", "the actor elsewhere        piVE 5"}, &FrameStages::PlaceAvatar},
     Stage{{"step_physics", 1.0, "frame", "T_scene_object             MixIn3D 3.1, piVE 4"},
           &FrameStages::StepPhysics},
     Stage{{"render_scene", 8.0, "frame", "virtual colour, depth      piVE 4"}, &FrameStages::RenderScene},
@@ -99,11 +101,12 @@ Studio::Studio(StudioSetup setup)
 }
 
 RigidTransform Studio::TSceneColor(const Frame& frame) const {
-  return scene_ && scene_->frame == SceneFrame::kCamera ? RigidTransform::Identity() : frame.T_world_color;
+  return scene_ && scene_->frame == SceneFrame::kCamera ? RigidTransform::Identity() : frame.T_world_view;
 }
 
 Result<Studio> Studio::Create(StudioSetup setup) {
   const int learn_frames = setup.learn_frames;
+  AvatarSetup avatar_setup = std::move(setup.avatar);
   std::optional<ScannedRoom> scanned = std::move(setup.scanned);
   Studio studio(std::move(setup));
   const Rig& rig = studio.rig_;
@@ -113,15 +116,13 @@ Result<Studio> Studio::Create(StudioSetup setup) {
     if (!warp) return Within("rig", warp.error());
     studio.depth_warp_.emplace(std::move(*warp));
   }
-  if (studio.scene_ && studio.scene_->frame == SceneFrame::kWorld && studio.poses_.empty() && !rig.ptu) {
+  const bool avatar = studio.scene_ && studio.scene_->avatar;  // then the target's camera has a pose
+  if (studio.scene_ && studio.scene_->frame == SceneFrame::kWorld && studio.poses_.empty() && !rig.ptu &&
+      !avatar) {
     return Fail(ErrorCode::kInvalidConfig,
                 "the scene is in the world's frame, but nothing says where the camera is: give a rig with "
                 "\"ptu\", or "
                 "--poses, or write the scene with frame: camera");
-  }
-  if (studio.scene_ && !studio.scene_->reflectors.empty()) {
-    studio.patches_ = PatchObjects(*studio.scene_);
-    studio.reflections_ = std::make_unique<Reflections>(rig.color, studio.device_, studio.meshes_);
   }
   if (scanned) {
     if (studio.poses_.empty() && !rig.ptu) {
@@ -130,13 +131,8 @@ Result<Studio> Studio::Create(StudioSetup setup) {
           "the environment is in the world's frame, but nothing says where the camera is: its rig has no "
           "\"ptu\"; give --poses");
     }
-    if (studio.scene_) {
-      studio.room_radiance_.emplace(scanned->model, scanned->lamps);
-      studio.light_mapper_.emplace(rig.color);
-      if (studio.scene_->frame == SceneFrame::kWorld) studio.light_mapper_->SetRoom(scanned->model);
-      if (studio.reflections_) studio.reflections_->SetRoom(scanned->model, scanned->doubt.depth_sigma_m);
-    }
-    auto view = RoomView::Create(rig, std::move(scanned->model), studio.device_);
+    if (studio.scene_) studio.room_radiance_.emplace(scanned->model, scanned->lamps);
+    auto view = RoomView::Create(rig, scanned->model, studio.device_);
     if (!view) return tl::unexpected(view.error());
     studio.room_view_.emplace(std::move(*view));
     studio.doubt_ = scanned->doubt;
@@ -156,14 +152,33 @@ Result<Studio> Studio::Create(StudioSetup setup) {
   auto surface = ActorSurface::Create({});
   if (!surface) return tl::unexpected(surface.error());
   studio.actor_surface_.emplace(std::move(*surface));
+  const RoomModel* room = scanned ? &scanned->model : nullptr;  // that casts shadows
+  std::optional<ScannedRoom> elsewhere = std::move(avatar_setup.room);
+  if (avatar) {
+    if (elsewhere || avatar_setup.video) {
+      room = elsewhere ? &elsewhere->model : nullptr;
+      studio.room_radiance_.reset();
+      if (elsewhere) studio.room_radiance_.emplace(elsewhere->model, elsewhere->lamps);
+    }
+    if (auto ok = studio.OpenAvatar(std::move(avatar_setup), elsewhere ? &*elsewhere : nullptr); !ok)
+      return tl::unexpected(ok.error());
+  }
   if (studio.scene_) {
-    auto renderer = CgRenderer::Create({}, rig.color, studio.device_, studio.meshes_);
+    auto renderer = CgRenderer::Create({}, studio.view(), studio.device_, studio.meshes_);
     if (!renderer) return tl::unexpected(renderer.error());
     studio.renderer_.emplace(std::move(*renderer));
-    if (!studio.light_mapper_) studio.light_mapper_.emplace(rig.color);
+    studio.light_mapper_.emplace(studio.view());
+    if (!studio.scene_->reflectors.empty()) {
+      studio.patches_ = PatchObjects(*studio.scene_);
+      studio.reflections_ = std::make_unique<Reflections>(studio.view(), studio.device_, studio.meshes_);
+      if (room != nullptr)
+        studio.reflections_->SetRoom(
+            *room, elsewhere ? elsewhere->doubt.depth_sigma_m : studio.doubt_.depth_sigma_m);
+    }
+    if (room != nullptr && studio.scene_->frame == SceneFrame::kWorld) studio.light_mapper_->SetRoom(*room);
     studio.illumination_ = IlluminationOf(*studio.scene_, studio.RoomRadianceOrNull());
     // A scanned room is known now: its surface is prepared before the show, not at the first drop.
-    if (studio.room_view_ && studio.scene_->frame == SceneFrame::kWorld) {
+    if ((studio.room_view_ || avatar) && studio.scene_->frame == SceneFrame::kWorld) {
       studio.StartPhysics(RigidTransform::Identity(), RigidTransform::Identity());
     }
   }
@@ -177,6 +192,48 @@ DefaultLight Studio::DefaultLights() const {
   UsualLight usual = UsualLightOf(frame);
   usual.key.id = 1;
   return {{std::move(usual.key)}, usual.ambient};
+}
+
+Status Studio::OpenAvatar(AvatarSetup setup, const ScannedRoom* elsewhere) {
+  const Avatar& avatar = *scene_->avatar;
+  MIX_CHECK(avatar.room.empty() == (elsewhere == nullptr) && avatar.video.empty() == !setup.video);
+  const AvatarHome home{&rig_, room_view_ ? &*room_view_ : nullptr, doubt_.depth_sigma_m,
+                        !poses_.empty() || rig_.ptu.has_value(), device_};
+  std::unique_ptr<AvatarTarget> target;
+  PinholeCamera view = rig_.color;
+  if (elsewhere != nullptr || setup.video) {
+    // The scene's world is the target's: its surface is what objects fall on.
+    surface_positions_.clear();
+    surface_indices_.clear();
+    planes_.clear();
+  }
+  if (elsewhere != nullptr) {
+    Rig lens = rig_;
+    std::optional<RigidTransform> pose;
+    if (avatar.camera) {
+      auto given = TTargetView(*avatar.camera);
+      if (!given) return Within("avatar.camera.look_at", given.error());
+      pose = *given;
+      lens.color = LensOf(*avatar.camera, rig_.color);
+    }
+    auto room = RoomView::Create(lens, elsewhere->model, device_);
+    if (!room) return Within("avatar.room", room.error());
+    target = std::make_unique<RoomTarget>(std::move(*room), elsewhere->doubt.depth_sigma_m, pose);
+    view = lens.color;
+    surface_positions_ = elsewhere->surface_positions;
+    surface_indices_ = elsewhere->surface_indices;
+    planes_ = elsewhere->planes;
+  } else if (setup.video) {
+    view = setup.video->rig.color;
+    auto video = VideoTarget::Create(std::move(*setup.video), device_);
+    if (!video) return Within("avatar.video", video.error());
+    target = std::move(*video);
+  }
+  auto stage = AvatarStage::Create(avatar, home, std::move(target), view);
+  if (!stage) return tl::unexpected(stage.error());
+  avatar_.emplace(std::move(*stage));
+  start_us_ = setup.start_us;
+  return {};
 }
 
 void Studio::Run(Frame& frame, StageTimes& times) {
@@ -215,6 +272,7 @@ void Studio::UseRoom(std::shared_ptr<const BackgroundModel> room, RoomState stat
 
 void Studio::SetScene(std::shared_ptr<const Scene> scene) {
   MIX_CHECK(scene != nullptr && scene_ != nullptr && scene->frame == scene_->frame);
+  MIX_CHECK(scene->avatar.has_value() == scene_->avatar.has_value());
   scene_ = std::move(scene);
   posed_ = *scene_;
   reactions_.SetScene(*scene_, posed_);
@@ -235,7 +293,7 @@ std::vector<MovedObject> Studio::TakeMoved() {
 
 void Studio::StartPhysics(const RigidTransform& T_scene_color, const RigidTransform& T_scene_world) {
   physics_ = std::make_unique<Physics>(scene_->frame);
-  actor_collider_ = std::make_unique<ActorCollider>(rig_.color);
+  actor_collider_ = std::make_unique<ActorCollider>(view());
   ShowRoomToPhysics(T_scene_color, T_scene_world);
   physics_->SetScene(*scene_);
 }
@@ -243,7 +301,7 @@ void Studio::StartPhysics(const RigidTransform& T_scene_color, const RigidTransf
 // A scan is the room; without one what the empty set's depth shows from here.
 void Studio::ShowRoomToPhysics(const RigidTransform& T_scene_color, const RigidTransform& T_scene_world) {
   room_is_new_ = false;
-  if (!room_view_) {
+  if (!room_view_ && !avatar_) {
     if (!room_ || !room_->has_depth()) return physics_->SetRoom({}, {});
     const PictureMesh mesh = MakeRoomMesh(*room_, rig_.color, T_scene_color, {.max_triangles = 8'000});
     // The floor is better known than a depth camera measures it.
@@ -369,10 +427,13 @@ bool Studio::LearnStanding(const CapturedFrame& captured) {
 }
 
 std::shared_ptr<const BackgroundModel> Studio::standing_room() const {
+  if (avatar_) return avatar_->room();
   return room_view_ && standing_frames_ < kStandingFrames ? nullptr : room_;
 }
 
-void FrameStages::PlaceCamera(Studio& s, Frame& f) { f.T_world_color = s.PoseOf(*f.captured); }
+void FrameStages::PlaceCamera(Studio& s, Frame& f) {
+  f.T_world_color = f.T_world_view = s.PoseOf(*f.captured);
+}
 
 void FrameStages::PredictRoom(Studio& s, Frame& f) {
   if (!s.room_view_) return;
@@ -440,15 +501,28 @@ void FrameStages::ShapeActor(Studio& s, Frame& f) {
   f.actor_depth_m = s.actor_surface_->depth_m();
 }
 
+void FrameStages::PlaceAvatar(Studio& s, Frame& f) {
+  if (!s.avatar_) return;
+  const std::int64_t t_us = f.captured->capture_us;
+  if (!s.start_us_) s.start_us_ = t_us;
+  s.avatar_->Run(*s.scene_->avatar, std::max<std::int64_t>(0, t_us - *s.start_us_),
+                 {.view = s.room_view(),
+                  .depth = s.room_depth_ ? &*s.room_depth_ : nullptr,
+                  .tone = s.key_->tone(),
+                  .foreground = f.keyed ? &s.key_->foreground() : nullptr,
+                  .room = s.standing_frames_ < kStandingFrames ? nullptr : s.room_},
+                 f);
+}
+
 void FrameStages::StepPhysics(Studio& s, Frame& f) {
   f.events.clear();
   if (!s.scene_ || s.room_state_ == RoomState::kLearning) return;
   const RigidTransform T_scene_color = s.TSceneColor(f);
-  const RigidTransform T_scene_world = T_scene_color * f.T_world_color.inverse();
+  const RigidTransform T_scene_world = T_scene_color * f.T_world_view.inverse();
   if (!s.physics_) {
     if (std::ranges::none_of(s.scene_->objects, &SceneObject::drop)) return;
     s.StartPhysics(T_scene_color, T_scene_world);
-  } else if (s.room_is_new_ && !s.room_view_) {
+  } else if (s.room_is_new_ && !s.room_view_ && !s.avatar_) {
     s.ShowRoomToPhysics(T_scene_color, T_scene_world);
   }
   const std::int64_t t_us = f.captured->capture_us;
@@ -480,21 +554,24 @@ void FrameStages::RenderScene(Studio& s, Frame& f) {
 void FrameStages::ShadeLightMap(Studio& s, Frame& f) {
   f.light_map = nullptr;
   if (f.cg == nullptr) return;
+  const RoomDepth* own = s.room_depth_ ? &*s.room_depth_ : nullptr;
+  const RoomDepth* room = s.avatar_ ? s.avatar_->depth() : own;
   f.light_map = &s.light_mapper_->Run({.scene = &s.posed_,
                                        .T_scene_color = s.TSceneColor(f),
                                        .light = &s.illumination_,
                                        .cg = f.cg,
-                                       .room_revision = s.room_depth_ ? s.room_depth_->revision : 0,
-                                       .room_depth_m = s.room_depth_ ? s.room_depth_->depth_m : cv::Mat1f(),
+                                       .room_revision = room != nullptr ? room->revision : 0,
+                                       .room_depth_m = room != nullptr ? room->depth_m : cv::Mat1f(),
                                        .actor_depth_m = View(std::as_const(f.actor_depth_m))});
-  RelightPicture(*f.light_map, View(std::as_const(f.alpha)), f.captured->color, s.lit_color_);
+  RelightPicture(*f.light_map, View(std::as_const(f.alpha)), f.Real(), s.lit_color_);
   if (s.lit_layer_.drawing != f.light_map->cg_revision) RelightLayer(*f.light_map, *f.cg, s.lit_layer_);
   f.cg = &s.lit_layer_;
 }
 
 void FrameStages::Reflect(Studio& s, Frame& f) {
   if (f.cg == nullptr || s.reflections_ == nullptr) return;
-  const bool room = s.room_depth_.has_value();
+  const RoomDepth* own = s.room_depth_ ? &*s.room_depth_ : nullptr;
+  const RoomDepth* room = s.avatar_ ? s.avatar_->depth() : own;
   const ReflectionPictures& pictures =
       s.reflections_->Run({.scene = s.patches_.empty() ? &s.posed_ : &s.drawn_,
                            .first_patch = s.posed_.objects.size(),
@@ -502,10 +579,10 @@ void FrameStages::Reflect(Studio& s, Frame& f) {
                            .light = &s.illumination_,
                            .cg = f.cg,
                            .light_map = f.light_map,
-                           .room_revision = room ? s.room_depth_->revision : 0,
-                           .room_depth_m = room ? s.room_depth_->depth_m : cv::Mat1f(),
-                           .room_sigma_m = room ? s.room_depth_->sigma_m : cv::Mat1f(),
-                           .color = &f.captured->color,
+                           .room_revision = room != nullptr ? room->revision : 0,
+                           .room_depth_m = room != nullptr ? room->depth_m : cv::Mat1f(),
+                           .room_sigma_m = room != nullptr ? room->sigma_m : cv::Mat1f(),
+                           .color = &f.Real(),
                            .actor_depth_m = View(std::as_const(f.actor_depth_m))});
   ReflectInPicture(pictures, *f.light_map, View(std::as_const(f.alpha)), s.lit_color_);
   if (s.patches_.empty()) return;
@@ -519,11 +596,14 @@ void FrameStages::Reflect(Studio& s, Frame& f) {
 }
 
 void FrameStages::CompositeZ(Studio& s, Frame& f) {
-  s.z_key_.Run({.color = f.light_map != nullptr ? &s.lit_color_ : &f.captured->color,
+  const RoomDepth* own = s.room_depth_ ? &*s.room_depth_ : nullptr;
+  const cv::Mat3b* own_color = f.keyed ? &s.key_->foreground() : nullptr;
+  if (s.avatar_) own_color = &s.avatar_->foreground();
+  s.z_key_.Run({.color = f.light_map != nullptr ? &s.lit_color_ : &f.Real(),
                 .alpha = View(std::as_const(f.alpha)),
                 .actor_depth_m = View(std::as_const(f.actor_depth_m)),
-                .foreground = f.keyed ? &s.key_->foreground() : nullptr,
-                .room = s.room_depth_ ? &*s.room_depth_ : nullptr,
+                .foreground = own_color,
+                .room = s.avatar_ ? s.avatar_->depth() : own,
                 .cg = f.cg},
                f.composite, f.depth_mm, f.cg_alpha);
 }

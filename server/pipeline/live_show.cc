@@ -138,7 +138,7 @@ void LiveShow::RunFrames() {
     studio_.Run(*frame, times_);
     if (osc_) std::ranges::for_each(frame->events, [&](const PhysicsEvent& event) { osc_->Send(event); });
     if (director_ != nullptr) {
-      director_->SeeRoom(studio_.room(), frame->T_world_color);
+      director_->SeeRoom(studio_.view_room(), frame->T_world_view);
       if (auto moved = studio_.TakeMoved(); !moved.empty()) director_->SeeMoved(std::move(moved));
     }
     {
@@ -223,8 +223,8 @@ WatchStats LiveShow::Stats() const {
   const std::int64_t now_us = MonotonicMicros();  // after the status: no age may be negative
   WatchStats stats;
   stats.server_us = now_us;
-  stats.width = studio_.rig().color.width;
-  stats.height = studio_.rig().color.height;
+  stats.width = studio_.view().width;
+  stats.height = studio_.view().height;
   stats.viewers = gateway_.counters().viewers;
   stats.depth_age_s = in.last_depth_us > 0 ? static_cast<double>(now_us - in.last_depth_us) * 1e-6 : 0;
   for (const auto& [reason, count] : in.drops) stats.drops[reason] += static_cast<std::uint64_t>(count);

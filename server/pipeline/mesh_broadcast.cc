@@ -66,7 +66,7 @@ Status MeshBroadcast::SendActor(const MeshJob& job, StageTimes& times) {
   const StageTimer timer(times, "encode_mesh");
   auto draco = EncodeDraco(ViewOf(*mesh), kActorPrecision);
   if (!draco) return Within("actor mesh", draco.error());
-  if (auto ok = jpeg_.Encode(Crop(job.frame->captured->color, mesh->crop), kActorQuality, texture_); !ok) {
+  if (auto ok = jpeg_.Encode(Crop(job.frame->Real(), mesh->crop), kActorQuality, texture_); !ok) {
     return Within("actor mesh", ok.error());
   }
   message.mesh = *draco;

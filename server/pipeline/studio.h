@@ -15,6 +15,7 @@
 #include "server/physics/actor_collider.h"
 #include "server/physics/physics.h"
 #include "server/physics/reactions.h"
+#include "server/pipeline/avatar_stage.h"
 #include "server/pipeline/frame.h"
 #include "server/pipeline/room_learner.h"
 #include "server/pipeline/stage_times.h"
@@ -45,9 +46,18 @@ struct ScannedRoom {
   std::vector<RoomLamp> lamps{};
 };
 
+// What Scene::avatar names, opened: at most one of them; none = the show's own room.
+struct AvatarSetup {
+  std::optional<ScannedRoom> room{};
+  std::optional<AvatarVideo> video{};
+  std::optional<std::int64_t>
+      start_us{};  // of the show, CapturedFrame::capture_us; nothing = its first frame
+};
+
 struct StudioSetup {
   Rig rig;
   std::optional<Scene> scene;
+  AvatarSetup avatar{};           // with a scene that has one
   std::vector<PoseSample> poses;  // --poses: T_world_color by the take's time; empty = none
   std::optional<ScannedRoom> scanned{};
   int learn_frames = 30;  // L of piVE eq (1)
@@ -92,7 +102,13 @@ class Studio {
   cv::Mat1f WarpDepth(const CapturedFrame& captured);
 
   [[nodiscard]] const Rig& rig() const { return rig_; }
-  // Where a frame's colour camera is in the scene's frame; without a scene that is the world.
+  // The camera of the composite: the rig's colour camera, or the target's that an avatar is seen by.
+  [[nodiscard]] const PinholeCamera& view() const { return avatar_ ? avatar_->view() : rig_.color; }
+  // What stands in that camera's view, for edits; null: not known.
+  [[nodiscard]] const std::shared_ptr<const BackgroundModel>& view_room() const {
+    return avatar_ ? avatar_->room() : room_;
+  }
+  // Where a frame's view is in the scene's frame; without a scene that is the world.
   [[nodiscard]] RigidTransform TSceneColor(const Frame& frame) const;
   // The back end in force, for people; any thread.
   [[nodiscard]] const std::string& renderer() const { return renderer_name_; }
@@ -105,6 +121,8 @@ class Studio {
   explicit Studio(StudioSetup setup);
   void UseRoom(std::shared_ptr<const BackgroundModel> room, RoomState state);
   [[nodiscard]] RigidTransform PoseOf(const CapturedFrame& captured);
+  // elsewhere: AvatarSetup::room, or null.
+  Status OpenAvatar(AvatarSetup setup, const ScannedRoom* elsewhere);
   void PredictRoom(const RoomPrediction& prediction);
   void UseDepth(const RoomPrediction& prediction);
   void StartPhysics(const RigidTransform& T_scene_color, const RigidTransform& T_scene_world);
@@ -151,6 +169,9 @@ class Studio {
   std::uint64_t room_revision_ = 0;
   std::optional<Key> key_;
   std::optional<ActorSurface> actor_surface_;
+  // place_avatar: empty = the actor stays where he is
+  std::optional<AvatarStage> avatar_;
+  std::optional<std::int64_t> start_us_;
   // step_physics: null until something falls, where there is no scanned world
   std::unique_ptr<Physics> physics_;
   std::unique_ptr<ActorCollider> actor_collider_;

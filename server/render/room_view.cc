@@ -111,9 +111,9 @@ void CreateUnshared(cv::Size size, cv::Mat_<T>& picture) {
 
 }  // namespace
 
-RoomView::RoomView(const Rig& rig, RoomModel room, std::unique_ptr<Rasteriser> rasteriser)
+RoomView::RoomView(const Rig& rig, std::shared_ptr<const Room> room, std::unique_ptr<Rasteriser> rasteriser)
     : color_(rig.color),
-      texture_(TextureOf(room.texture_bgr), kLargestTexture),
+      room_(std::move(room)),
       rasteriser_(std::move(rasteriser)),
       full_(ShadingOf(rig, rig.color)),
       half_(ShadingOf(rig, HalfOf(rig.color))) {
@@ -123,13 +123,12 @@ RoomView::RoomView(const Rig& rig, RoomModel room, std::unique_ptr<Rasteriser> r
     view_angle_rad_ = std::isfinite(angle) ? std::max(view_angle_rad_, angle) : std::numbers::pi;
     if (view_angle_rad_ == std::numbers::pi) break;
   }
-  Split(room);
-  corners_.resize(positions_.size());
+  corners_.resize(room_->positions.size());
 }
 
 // Halves the triangles across their longest extent until a part has kChunkTriangles: near each other in the
 // room, they are seen or not seen together.
-void RoomView::Split(const RoomModel& room) {
+RoomView::Room::Room(const RoomModel& room) : texture(TextureOf(room.texture_bgr), kLargestTexture) {
   const std::size_t count = room.triangle_count();
   std::vector<Eigen::Vector3f> middles(count);
   std::vector<std::uint32_t> order(count);
@@ -158,8 +157,8 @@ void RoomView::Split(const RoomModel& room) {
       continue;
     }
     Chunk chunk;
-    chunk.first_vertex = static_cast<std::uint32_t>(positions_.size());
-    chunk.first_index = static_cast<std::uint32_t>(indices_.size());
+    chunk.first_vertex = static_cast<std::uint32_t>(positions.size());
+    chunk.first_index = static_cast<std::uint32_t>(indices.size());
     chunk.triangles = static_cast<std::uint32_t>(end - begin);
     std::fill(number.begin(), number.end(), 0);
     Eigen::AlignedBox3f around;
@@ -167,18 +166,18 @@ void RoomView::Split(const RoomModel& room) {
       for (std::size_t k = 0; k < 3; ++k) {
         const std::uint32_t vertex = room.indices[3 * order[i] + k];
         if (number[vertex] == 0) {
-          positions_.push_back(room.positions[vertex]);
-          uvs_.push_back(room.uvs[vertex]);
+          positions.push_back(room.positions[vertex]);
+          uvs.push_back(room.uvs[vertex]);
           around.extend(room.positions[vertex]);
           number[vertex] = ++chunk.vertices;
         }
-        indices_.push_back(number[vertex] - 1);
+        indices.push_back(number[vertex] - 1);
       }
-      chunk_of_.push_back(static_cast<std::uint32_t>(chunks_.size()));
+      chunk_of.push_back(static_cast<std::uint32_t>(chunks.size()));
     }
     chunk.center = around.center().cast<double>();
     chunk.radius_m = 0.5 * static_cast<double>(around.diagonal().norm());
-    chunks_.push_back(chunk);
+    chunks.push_back(chunk);
   }
 }
 
@@ -190,8 +189,16 @@ bool RoomView::MaySee(const Chunk& chunk, const RigidTransform& T_color_world) c
   return angle <= view_angle_rad_ + std::asin(chunk.radius_m / distance);
 }
 
-Result<RoomView> RoomView::Create(const Rig& rig, RoomModel room, const RenderDevice& device) {
+Result<RoomView> RoomView::Create(const Rig& rig, const RoomModel& room, const RenderDevice& device) {
   MIX_CHECK(room.Validate().has_value());
+  return Of(rig, std::make_shared<const Room>(room), device);
+}
+
+Result<RoomView> RoomView::Beside(const Rig& rig, const RenderDevice& device) const {
+  return Of(rig, room_, device);
+}
+
+Result<RoomView> RoomView::Of(const Rig& rig, std::shared_ptr<const Room> room, const RenderDevice& device) {
   auto rasteriser = CreateRasteriser(device.backend, rig.color, {}, device.gpu);
   if (!rasteriser) return tl::unexpected(rasteriser.error());
   return RoomView(rig, std::move(room), std::move(*rasteriser));
@@ -228,15 +235,15 @@ void RoomView::Redraw(const RigidTransform& T_world_color) {
   const Eigen::Matrix3f R = T_color_world.linear().cast<float>();
   const Eigen::Vector3f t = T_color_world.translation().cast<float>();
   rasteriser_->Begin({});
-  for (const Chunk& chunk : chunks_) {
+  for (const Chunk& chunk : room_->chunks) {
     if (!MaySee(chunk, T_color_world)) continue;
     rasteriser_->Draw(
-        {.positions = std::span(positions_).subspan(chunk.first_vertex, chunk.vertices),
-         .indices = std::span(indices_).subspan(chunk.first_index, 3 * std::size_t{chunk.triangles})},
+        {.positions = std::span(room_->positions).subspan(chunk.first_vertex, chunk.vertices),
+         .indices = std::span(room_->indices).subspan(chunk.first_index, 3 * std::size_t{chunk.triangles})},
         Eigen::Affine3d(T_color_world.matrix()), static_cast<int>(chunk.first_index / 3), Faces::kBoth);
     for (std::size_t i = chunk.first_vertex; i < chunk.first_vertex + chunk.vertices; ++i) {
-      const Eigen::Vector3f p = R * positions_[i] + t;
-      corners_[i] = Eigen::Array4f(p.x(), p.y(), p.z(), uvs_[i].x());
+      const Eigen::Vector3f p = R * room_->positions[i] + t;
+      corners_[i] = Eigen::Array4f(p.x(), p.y(), p.z(), room_->uvs[i].x());
     }
   }
   visible_ = &rasteriser_->Finish();
@@ -362,8 +369,8 @@ void RoomView::Shade(const Shading& shading, int v, std::vector<cv::Vec4f>& row)
     rows_.Resize(count);
     rgba_.resize(4 * (rows_.capacity() + FragmentRows::kPadding));
     const auto all = static_cast<std::ptrdiff_t>(rows_.capacity());
-    std::fill_n(rows_.row(kTextureWidth), all, static_cast<float>(texture_.levels()[0].width));
-    std::fill_n(rows_.row(kTextureHeight), all, static_cast<float>(texture_.levels()[0].height));
+    std::fill_n(rows_.row(kTextureWidth), all, static_cast<float>(room_->texture.levels()[0].width));
+    std::fill_n(rows_.row(kTextureHeight), all, static_cast<float>(room_->texture.levels()[0].height));
     std::fill_n(rows_.row(kFront), all, 1.0f);
   }
   for (std::size_t i = 0; i < count; ++i) {
@@ -371,17 +378,18 @@ void RoomView::Shade(const Shading& shading, int v, std::vector<cv::Vec4f>& row)
     rows_.row(kRayX)[i] = fragment.ray_x;
     rows_.row(kRayY)[i] = fragment.ray_y;
     const auto number = static_cast<std::size_t>(fragment.triangle);
-    const std::uint32_t* triangle = &indices_[3 * number];
-    const std::size_t first = chunks_[chunk_of_[number]].first_vertex;
+    const std::uint32_t* triangle = &room_->indices[3 * number];
+    const std::size_t first = room_->chunks[room_->chunk_of[number]].first_vertex;
     for (std::size_t k = 0; k < 3; ++k) {
       Eigen::Map<Eigen::Array4f>(rows_.corner(k) + 4 * i) = corners_[first + triangle[k]];
-      rows_.corner(k + 3)[4 * i + 3] = uvs_[first + triangle[k]].y();  // no normals: nothing is lit here
+      rows_.corner(k + 3)[4 * i + 3] =
+          room_->uvs[first + triangle[k]].y();  // no normals: nothing is lit here
     }
   }
   Interpolate(shading.pixel_rad, count, rows_);
   float* texels = rows_.row(kTexelsPerTap);
   for (std::size_t i = 0; i < count; ++i) texels[i] *= kSharper;
-  textures_.assign(count, &texture_);
+  textures_.assign(count, &room_->texture);
   SampleTextures(textures_, rows_, rgba_.data());
   for (std::size_t i = 0; i < count; ++i) {
     const Fragment& fragment = fragments_[i];

@@ -25,7 +25,9 @@ class RoomView {
 
   // color, vignetting of `rig`; room is valid (checked). Fails (kInvalidConfig) where the camera is not
   // valid.
-  static Result<RoomView> Create(const Rig& rig, RoomModel room, const RenderDevice& device = {});
+  static Result<RoomView> Create(const Rig& rig, const RoomModel& room, const RenderDevice& device = {});
+  // The same room, shared, through another camera's color and vignetting.
+  [[nodiscard]] Result<RoomView> Beside(const Rig& rig, const RenderDevice& device = {}) const;
 
   // What the camera would see from there. Draws anew only where the pose has moved. The pictures of a redraw
   // are new memory: who holds earlier ones keeps them. One thread at a time.
@@ -48,6 +50,16 @@ class RoomView {
     Eigen::Vector3d center = Eigen::Vector3d::Zero();  // of a sphere around it
     double radius_m = 0;
   };
+  // What is drawn: chunk after chunk, each with vertices of its own; indices count from its first vertex.
+  struct Room {
+    explicit Room(const RoomModel& model);
+    std::vector<Chunk> chunks;
+    std::vector<Eigen::Vector3f> positions;
+    std::vector<Eigen::Vector2f> uvs;
+    std::vector<std::uint32_t> indices;
+    std::vector<std::uint32_t> chunk_of;  // one a triangle
+    TextureMips texture;
+  };
   // Pictures of the whole picture's size or of half of it.
   struct Shading {
     cv::Mat2f rays;  // (x/z, y/z) of the pixel centres
@@ -55,9 +67,9 @@ class RoomView {
     float pixel_rad = 0;
   };
 
-  RoomView(const Rig& rig, RoomModel room, std::unique_ptr<Rasteriser> rasteriser);
+  RoomView(const Rig& rig, std::shared_ptr<const Room> room, std::unique_ptr<Rasteriser> rasteriser);
+  static Result<RoomView> Of(const Rig& rig, std::shared_ptr<const Room> room, const RenderDevice& device);
   static Shading ShadingOf(const Rig& rig, const PinholeCamera& camera);
-  void Split(const RoomModel& room);
   [[nodiscard]] bool MaySee(const Chunk& chunk, const RigidTransform& T_color_world) const;
   void Redraw(const RigidTransform& T_world_color);
   [[nodiscard]] float DepthAround(int u, int v) const;
@@ -69,13 +81,7 @@ class RoomView {
 
   PinholeCamera color_;
   double view_angle_rad_ = 0;  // between the axis and the farthest pixel's ray
-  std::vector<Chunk> chunks_;
-  // Chunk after chunk, each with vertices of its own; indices count from its first vertex.
-  std::vector<Eigen::Vector3f> positions_;
-  std::vector<Eigen::Vector2f> uvs_;
-  std::vector<std::uint32_t> indices_;
-  std::vector<std::uint32_t> chunk_of_;  // one a triangle
-  TextureMips texture_;
+  std::shared_ptr<const Room> room_;
   std::unique_ptr<Rasteriser> rasteriser_;
   Shading full_, half_;
   RigidTransform T_world_color_ = RigidTransform::Identity();

@@ -224,6 +224,20 @@ struct Change {
     return change.position ? MoveLight(*light, ToVector(*change.position)) : Status();
   }
 
+  Status operator()(const PlaceAvatar& place) const {
+    if (!scene.avatar) return Refuse("The actor stays where he is: the scene has no avatar.");
+    if (place.position) {
+      if (auto inside = Inside(ToVector(*place.position), "The avatar"); !inside) return inside;
+      scene.avatar->position = ToVector(*place.position);
+    }
+    if (place.turn_deg) {
+      if (!(std::abs(*place.turn_deg) <= kMostDegrees))
+        return Refuse("The avatar turns by 36000 degrees at most.");
+      scene.avatar->turn_deg = std::remainder(*place.turn_deg, 360.0);
+    }
+    return {};
+  }
+
   Status MoveLight(Light& light, const Eigen::Vector3d& position) const {
     if (auto inside = Inside(position, light.name.c_str()); !inside) return inside;
     if (auto* point = std::get_if<PointLight>(&light.shape)) {

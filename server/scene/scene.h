@@ -12,6 +12,7 @@
 #include <variant>
 #include <vector>
 
+#include "server/scene/avatar.h"
 #include "server/scene/mesh.h"
 #include "server/scene/placing.h"
 
@@ -126,6 +127,7 @@ struct Scene {
   std::optional<Ambient> ambient;  // nothing: as usual with, or without, lights
   std::vector<Reflector> reflectors;
   std::vector<Reaction> reactions;
+  std::optional<Avatar> avatar;  // nothing: the actor stays where he is. World scenes only
   std::uint64_t revision =
       1;  // whoever changes the scene raises it; pictures drawn of an older one are stale
 };

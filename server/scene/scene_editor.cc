@@ -172,6 +172,9 @@ WatchScene SceneEditor::Message() {
     out.hidden = object.hidden;
     message.objects.push_back(std::move(out));
   }
+  if (const auto& avatar = scene.avatar) {
+    message.avatar = {{avatar->anchor.x(), avatar->anchor.y()}, ToArray(avatar->position), avatar->turn_deg};
+  }
   for (const Light& light : scene.lights.empty() ? default_light_.lights : scene.lights) {
     message.lights.push_back({.id = light.id,
                               .name = light.name,

@@ -29,6 +29,7 @@ Result<LoadedScene> LoadScene(const std::filesystem::path& file, const ModelLoad
   loaded.scene.ambient = description->ambient;
   loaded.scene.reflectors = std::move(description->reflectors);
   loaded.scene.reactions = std::move(description->reactions);
+  loaded.scene.avatar = std::move(description->avatar);
   for (SceneDescription::Object& object : description->objects) {
     const std::string place =
         file.string() + ":" + std::to_string(object.line) + ": object " + object.name + ": file";

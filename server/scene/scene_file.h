@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// scene.yaml: which models stand where, lights and reflectors (FORMATS section 4). A person edits it: an
-// unknown key, a missing file, a number that is none or a pose that squeezes an object flat is an error that
-// names file, line and key.
+// scene.yaml: which models stand where, lights, reflectors and where the actor is put (FORMATS section 4;
+// SPEC.md 10). A person edits it: an unknown key, a missing file, a number that is none or a pose that
+// squeezes an object flat is an error that names file, line and key.
 #pragma once
 
 #include <filesystem>
@@ -47,6 +47,7 @@ struct SceneDescription {
   std::optional<Ambient> ambient;
   std::vector<Reflector> reflectors;
   std::vector<Reaction> reactions;
+  std::optional<Avatar> avatar;
   std::vector<std::string> warnings;
 };
 Result<SceneDescription> ParseScene(const std::string& yaml_text, const std::string& place);

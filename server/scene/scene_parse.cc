@@ -224,6 +224,59 @@ Status ReadReflector(YamlFields& f, std::size_t number, SceneDescription& scene)
   return f.CheckAllKnown();
 }
 
+Status ReadAvatarCamera(YamlFields& f, Avatar& avatar) {
+  std::array<double, 3> position{};
+  std::array<double, 3> look_at{};
+  double view_deg = 0;
+  for (const char* key : {"position", "look_at"}) {
+    if (!f.Has(key)) return f.Bad(key, "is missing: a camera needs position and look_at");
+  }
+  if (auto ok = All({f.Numbers("position", position), f.Numbers("look_at", look_at)}); !ok) return ok;
+  AvatarCamera camera{ToVector(position), ToVector(look_at), std::nullopt};
+  if (camera.position.cwiseAbs().maxCoeff() > kFarthest) return f.Bad("position", "has a number over 100000");
+  if (camera.look_at.cwiseAbs().maxCoeff() > kFarthest) return f.Bad("look_at", "has a number over 100000");
+  if (auto pose = TTargetView(camera); !pose) return f.Bad("look_at", pose.error().message);
+  if (f.Has("view_deg")) {
+    if (auto ok = f.NumberIn("view_deg", 5, 120, view_deg); !ok) return ok;
+    camera.view_deg = view_deg;
+  }
+  avatar.camera = camera;
+  return f.CheckAllKnown();
+}
+
+Status ReadAvatar(YamlFields& root, SceneDescription& scene) {
+  if (!root.Has("avatar")) return {};
+  auto f = root.Map("avatar");
+  if (!f) return tl::unexpected(f.error());
+  if (scene.frame != SceneFrame::kWorld) return root.Bad("avatar", "needs frame: world");
+  Avatar avatar;
+  std::array<double, 2> anchor{};
+  std::array<double, 3> position{};
+  if (auto ok = All({f->Text("room", avatar.room), f->Text("video", avatar.video),
+                     f->Text("poses", avatar.poses), f->Numbers("anchor", anchor),
+                     f->Numbers("position", position), f->NumberIn("turn_deg", -360, 360, avatar.turn_deg)});
+      !ok) {
+    return ok;
+  }
+  if (!avatar.room.empty() && !avatar.video.empty())
+    return f->Bad("video", "stands beside room: give one or the other");
+  if (avatar.video.empty() && !avatar.poses.empty()) return f->Bad("poses", "belongs to video");
+  avatar.anchor = {anchor[0], anchor[1]};
+  // He walks from the anchor where nothing else is said.
+  avatar.position = f->Has("position") ? ToVector(position) : Eigen::Vector3d(anchor[0], anchor[1], 0);
+  if (avatar.anchor.cwiseAbs().maxCoeff() > kFarthest) return f->Bad("anchor", "has a number over 100000");
+  if (avatar.position.cwiseAbs().maxCoeff() > kFarthest)
+    return f->Bad("position", "has a number over 100000");
+  if (f->Has("camera")) {
+    if (!avatar.video.empty()) return f->Bad("camera", "stands beside video: a video has its own");
+    auto camera = f->Map("camera");
+    if (!camera) return tl::unexpected(camera.error());
+    if (auto ok = ReadAvatarCamera(*camera, avatar); !ok) return ok;
+  }
+  scene.avatar = std::move(avatar);
+  return f->CheckAllKnown();
+}
+
 Status ReadAmbient(YamlFields& root, SceneDescription& scene) {
   if (!root.Has("ambient")) return {};
   std::array<double, 2> levels{};
@@ -303,6 +356,7 @@ Result<SceneDescription> Parse(const std::string& text, const std::string& place
     return tl::unexpected(ok.error());
   if (auto ok = ReadList(*root, "reactions", kMostReactions, scene, ReadReaction); !ok)
     return tl::unexpected(ok.error());
+  if (auto ok = ReadAvatar(*root, scene); !ok) return tl::unexpected(ok.error());
   if (auto ok = root->CheckAllKnown(); !ok) return tl::unexpected(ok.error());
   return scene;
 }

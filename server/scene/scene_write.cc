@@ -128,6 +128,22 @@ std::string ReactionYaml(const Reaction& reaction) {
   return text + "}\n";
 }
 
+std::string AvatarYaml(const Avatar& avatar) {
+  std::string text = "avatar:\n";
+  for (const auto& [key, name] :
+       {std::pair("room", &avatar.room), {"video", &avatar.video}, {"poses", &avatar.poses}}) {
+    if (!name->empty()) text += std::string("  ") + key + ": " + Quoted(*name) + "\n";
+  }
+  text += "  anchor: " + Numbers(avatar.anchor) + "\n  position: " + Numbers(avatar.position) +
+          "\n  turn_deg: " + Number(avatar.turn_deg) + "\n";
+  if (const auto& camera = avatar.camera) {
+    text += "  camera: {position: " + Numbers(camera->position) + ", look_at: " + Numbers(camera->look_at);
+    if (camera->view_deg) text += ", view_deg: " + Number(*camera->view_deg);
+    text += "}\n";
+  }
+  return text;
+}
+
 Status Failed(const fs::path& file, const char* what, int error) {
   return Fail(ErrorCode::kUnavailable, file.string() + ": " + what + " (" + std::strerror(error) + ")");
 }
@@ -205,6 +221,7 @@ std::string ToYaml(const Scene& scene) {
   for (const Reflector& reflector : scene.reflectors) text += ReflectorYaml(reflector);
   if (!scene.reactions.empty()) text += "reactions:\n";
   for (const Reaction& reaction : scene.reactions) text += ReactionYaml(reaction);
+  if (scene.avatar) text += AvatarYaml(*scene.avatar);
   return text;
 }
 

@@ -147,6 +147,12 @@ Status YamlFields::Choice(const char* key, std::initializer_list<std::string_vie
   return {};
 }
 
+Result<YamlFields> YamlFields::Map(const char* key) {
+  YamlFields map(Raw(key), place_, Path(key));
+  if (auto ok = map.CheckShape(); !ok) return tl::unexpected(ok.error());
+  return map;
+}
+
 Result<std::vector<YamlFields>> YamlFields::List(const char* key, std::size_t limit) {
   std::vector<YamlFields> entries;
   if (!Has(key) || map_[key].IsNull()) return entries;

@@ -42,6 +42,8 @@ class YamlFields {
   // One of the names; index is set to its place in the list.
   Status Choice(const char* key, std::initializer_list<std::string_view> names, std::size_t& index);
 
+  // The mapping under a key that is there.
+  Result<YamlFields> Map(const char* key);
   // The entries of a list of mappings, at most limit.
   Result<std::vector<YamlFields>> List(const char* key, std::size_t limit);
 

@@ -227,11 +227,22 @@ void EdgeCoverage::Run(ImageView<const std::uint8_t> luma, const HalfPicture& pi
     const std::array<std::uint8_t*, 2> out = {alpha.row(2 * y), alpha.row(bottom)};
     const std::array<cv::Vec3b*, 2> F = {foreground_[2 * y], foreground_[bottom]};
     for (int x = 0; x < mask->cols; ++x) {
+      // Enlarging blends across the band's border: F is known inside it alone.
+      const auto settle = [&](int u) {
+        for (std::uint8_t* row : out) {
+          row[2 * u] = inner[u];
+          if (2 * u + 1 < luma.width()) row[2 * u + 1] = inner[u];
+        }
+      };
       if (x + 8 <= mask->cols && !HasBand(x, y)) {
+        for (int u = x; u < x + 8; ++u) settle(u);
         x += 7;
         continue;
       }
-      if (inner[x] == outer[x]) continue;
+      if (inner[x] == outer[x]) {
+        settle(x);
+        continue;
+      }
       const float light = LookAround(picture, model, tone, inner_, outer_, x, y, &block);
       const std::array<int, 2> columns = {2 * x, std::min(2 * x + 1, luma.width() - 1)};
       block.C = At(picture, x, y);

@@ -8,12 +8,15 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <opencv2/imgproc.hpp>
+#include <optional>
 #include <set>
 
 #include "proto/synthetic/rig.h"
 #include "proto/synthetic/scene.h"
 #include "server/pipeline/frame_stages.h"
 #include "server/scene/scene_file.h"
+#include "server/segmentation/labels.h"
 
 namespace mixstage {
 namespace {
@@ -236,6 +239,130 @@ TEST_F(StudioTest, AScannedRoomNeedsNoEmptySet) {
   frame.captured = Capture(2.5);
   studio->Run(frame, times_);
   EXPECT_LT(cv::countNonZero(frame.alpha >= 128), 200);
+}
+
+// piVE 5, in the room that he comes from.
+class AvatarTest : public StudioTest {
+ protected:
+  static Studio MakeAvatar(std::optional<Avatar> avatar) {
+    StudioSetup setup;
+    setup.rig = SyntheticRig();
+    setup.rig.vignetting_a = setup.rig.vignetting_b = 0;
+    setup.scanned = ScannedRoom{.model = Scan(), .doubt = {.registration_px = 0.3f, .depth_sigma_m = 0.003f}};
+    setup.scene.emplace().avatar = std::move(avatar);
+    auto studio = Studio::Create(std::move(setup));
+    EXPECT_TRUE(studio) << studio.error().message;
+    return std::move(*studio);
+  }
+  // After the frame before it, which depth's motion is seen from.
+  static void Show(Studio& studio, double t_s, Frame* frame) {
+    for (const double before_s : {1 / 30.0, 0.0}) {
+      frame->captured = Capture(t_s - before_s);
+      studio.Run(*frame, times_);
+    }
+  }
+};
+
+TEST_F(AvatarTest, WhoIsPutWhereHeStandsIsSeenAsHeIs) {
+  Studio plain = MakeAvatar(std::nullopt), avatar = MakeAvatar(Avatar{});
+  Frame a, b;
+  Show(plain, 8.5, &a);
+  Show(avatar, 8.5, &b);
+  EXPECT_EQ(b.T_world_view.matrix(), a.T_world_color.matrix());
+  const cv::Mat his = a.alpha == 255, off = cv::abs(a.composite.y - b.composite.y) > 3;
+  ASSERT_GT(cv::countNonZero(his), 5000);
+  EXPECT_LT(cv::countNonZero(his & off), cv::countNonZero(his) / 200);
+  EXPECT_LT(cv::countNonZero(cv::abs(a.alpha - b.alpha) > 3), cv::countNonZero(his) / 50);
+  // Away from him the picture is the camera's own.
+  cv::Mat around;
+  cv::dilate((a.alpha > 0) | (a.label == kLabelShadow), around, cv::Mat::ones(61, 61, CV_8U));
+  EXPECT_EQ(cv::countNonZero((around == 0) & (b.composite.y != b.captured->color.y)), 0);
+  int near = 0, known = 0;
+  for (int i = 0; i < a.depth_mm.rows * a.depth_mm.cols; ++i) {
+    if (a.depth_mm(i) == 0 || b.depth_mm(i) == 0) continue;
+    ++known;
+    near += std::abs(a.depth_mm(i) - b.depth_mm(i)) < 30 ? 1 : 0;
+  }
+  EXPECT_GT(near, known * 99 / 100);
+}
+
+TEST_F(AvatarTest, HeLeavesHisPlaceAndStandsSmallerFartherAway) {
+  const RigidTransform& T_world_color = synthetic_->TruthPose();
+  Avatar away;
+  away.position = {0.7 * T_world_color.linear()(0, 2), 0.7 * T_world_color.linear()(1, 2), 0};
+  Studio plain = MakeAvatar(std::nullopt), avatar = MakeAvatar(away);
+  Frame a, b;
+  Show(plain, 8.5, &a);
+  Show(avatar, 8.5, &b);
+  const cv::Rect was = cv::boundingRect(a.alpha >= 128), is = cv::boundingRect(b.alpha >= 128);
+  const double z = cv::mean(a.actor_depth_m, a.actor_depth_m > 0)[0];
+  EXPECT_NEAR(static_cast<double>(is.height) / was.height, z / (z + 0.7), 0.04);
+  // Where only he was the room is seen again.
+  const cv::Mat left = (a.alpha == 255) & (b.alpha == 0);
+  YuvImage empty;
+  synthetic_->RenderColor(0.3, empty);
+  ASSERT_GT(cv::countNonZero(left), 1000);
+  EXPECT_LT(cv::mean(cv::abs(b.composite.y - empty.y), left)[0], 6);
+}
+
+TEST_F(AvatarTest, AnotherCameraSeesHimAndTheRoomFromItsOwnPlace) {
+  const RigidTransform T = synthetic_->TruthPose();
+  const Eigen::Vector3d forward = T.linear().col(2), right = T.linear().col(0);
+  Avatar elsewhere;
+  elsewhere.camera =
+      AvatarCamera{T.translation() + 0.3 * right + 0.3 * forward, T.translation() + 4 * forward, 45};
+  Studio avatar = MakeAvatar(elsewhere);
+  Frame f;
+  Show(avatar, 8.5, &f);
+  const auto pose = TTargetView(*elsewhere.camera);
+  ASSERT_TRUE(pose);
+  EXPECT_TRUE(f.T_world_view.isApprox(*pose));
+  EXPECT_NEAR(avatar.view().fx, 0.5 * avatar.view().width / std::tan(22.5 * 3.14159265 / 180), 0.1);
+  ASSERT_GT(cv::countNonZero(f.alpha == 255), 5000);
+  // The middle of what is seen of him, taken to the world, is the middle of where he is.
+  const auto middle = [](const cv::Mat1b& alpha, const cv::Mat1f& z, const PinholeCamera& camera,
+                         const RigidTransform& T_world_camera) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    int count = 0;
+    for (int y = 0; y < alpha.rows; y += 4) {
+      for (int x = 0; x < alpha.cols; x += 4) {
+        const double depth = z(y / 2, x / 2);
+        if (alpha(y, x) < 255 || !(depth > 0)) continue;
+        sum += T_world_camera * (depth * camera.Unproject(Eigen::Vector2d(x, y))->homogeneous());
+        ++count;
+      }
+    }
+    return Eigen::Vector3d(sum / count);
+  };
+  Studio plain = MakeAvatar(std::nullopt);
+  Frame own;
+  Show(plain, 8.5, &own);
+  const Eigen::Vector3d a = middle(own.alpha, own.actor_depth_m, plain.view(), own.T_world_color),
+                        b = middle(f.alpha, f.actor_depth_m, avatar.view(), f.T_world_view);
+  EXPECT_LT((a - b).norm(), 0.05);
+}
+
+TEST_F(AvatarTest, AnEditMovesHim) {
+  Studio studio = MakeAvatar(Avatar{});
+  Frame f;
+  Show(studio, 8.5, &f);
+  const cv::Rect was = cv::boundingRect(f.alpha >= 128);
+  Scene moved = *studio.scene();
+  ++moved.revision;
+  moved.avatar->position = 0.5 * synthetic_->TruthPose().linear().col(0);
+  studio.SetScene(std::make_shared<const Scene>(moved));
+  Show(studio, 8.5, &f);
+  EXPECT_GT(cv::boundingRect(f.alpha >= 128).x, was.x + 40);
+}
+
+TEST(Studio, AnAvatarNeedsARoomToStandIn) {
+  StudioSetup setup;
+  setup.rig = AssumedRig(64, 48, 0.001);
+  setup.scene.emplace().avatar = Avatar{};
+  const auto studio = Studio::Create(std::move(setup));
+  ASSERT_FALSE(studio);
+  EXPECT_EQ(studio.error().code, ErrorCode::kInvalidConfig);
+  EXPECT_NE(studio.error().message.find("--environment"), std::string::npos);
 }
 
 TEST(Studio, AScannedRoomNeedsAPose) {

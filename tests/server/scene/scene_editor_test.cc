@@ -63,6 +63,7 @@ const EditSource kAnna{1, "anna"}, kBen{2, "ben"};
 Scene SceneOf(SceneFrame frame, std::uint32_t objects) {
   Scene scene;
   scene.frame = frame;
+  if (frame == SceneFrame::kWorld) scene.avatar = Avatar{};
   const std::shared_ptr<const Mesh> box = Box();
   for (std::uint32_t id = 1; id <= objects; ++id) {
     SceneObject object;
@@ -106,7 +107,8 @@ std::vector<EditOp> EveryChange() {
           DropObject{1},
           HideObject{1, true},
           DeleteObject{2},
-          ChangeLight{1, {{0.0, 0.6, 0.8}}, {{1, 0.5, 0.25}}, 0.75}};
+          ChangeLight{1, {{0.0, 0.6, 0.8}}, {{1, 0.5, 0.25}}, 0.75},
+          PlaceAvatar{{{1, 2, 0}}, 30}};
 }
 
 TEST(SceneEditor, UndoOfAnEditIsTheSceneBeforeAndRedoTheSceneAfter) {
@@ -303,6 +305,21 @@ TEST(SceneEditor, RefusalsSayWhy) {
     EXPECT_THAT(done.error().message, HasSubstr(why));
   }
   EXPECT_FALSE(stage.editor.Message().can_undo);
+}
+
+TEST(SceneEditor, AnAvatarIsPlacedAndTurned) {
+  Stage stage;
+  ASSERT_TRUE(stage.Do(PlaceAvatar{{{1, 2, 0.1}}, {}}, /*live=*/true));
+  ASSERT_TRUE(stage.Do(PlaceAvatar{{}, 390}));
+  EXPECT_EQ(stage.editor.scene()->avatar->position, Eigen::Vector3d(1, 2, 0.1));
+  ASSERT_TRUE(stage.editor.Message().avatar);
+  EXPECT_EQ(stage.editor.Message().avatar->turn_deg, 30);
+  EXPECT_FALSE(stage.Do(PlaceAvatar{{{1000, 0, 0}}, {}}));
+  EXPECT_FALSE(stage.Do(PlaceAvatar{{}, 1e9}));
+  ASSERT_TRUE(stage.Do(UndoEdit{}));
+  EXPECT_EQ(stage.editor.scene()->avatar, Avatar{});
+  Stage without(SceneFrame::kCamera);
+  EXPECT_FALSE(without.Do(PlaceAvatar{{}, 10}));
 }
 
 TEST(SceneEditor, MoreThan256ObjectsAreRefused) {

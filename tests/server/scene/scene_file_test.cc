@@ -51,6 +51,32 @@ reflectors:
   EXPECT_EQ(scene.warnings.size(), 0u);
 }
 
+TEST(SceneFile, ReadsAnAvatar) {
+  const SceneDescription scene = Parsed(R"(
+avatar:
+  room: ../hall
+  anchor: [3, 1]
+  position: [1, 2, 0.5]
+  turn_deg: 90
+  camera: {position: [0, 0, 1.5], look_at: [4, 0, 1.5], view_deg: 60}
+)");
+  ASSERT_TRUE(scene.avatar);
+  EXPECT_EQ(scene.avatar->room, "../hall");
+  // The anchor goes where it was told to, what stood a metre along x beside it a metre along y.
+  EXPECT_LT((scene.avatar->TTargetWorld() * Eigen::Vector3d(3, 1, 0) - Eigen::Vector3d(1, 2, 0.5)).norm(),
+            1e-12);
+  EXPECT_LT((scene.avatar->TTargetWorld() * Eigen::Vector3d(4, 1, 0) - Eigen::Vector3d(1, 3, 0.5)).norm(),
+            1e-12);
+  ASSERT_TRUE(scene.avatar->camera);
+  const auto pose = TTargetView(*scene.avatar->camera);
+  ASSERT_TRUE(pose);
+  EXPECT_LT((*pose * Eigen::Vector3d(0, 0, 4) - Eigen::Vector3d(4, 0, 1.5)).norm(), 1e-12);
+  EXPECT_LT((pose->linear().col(1) + Eigen::Vector3d::UnitZ()).norm(), 1e-12);  // y points down
+  EXPECT_FALSE(Parsed("version: 1\n").avatar);
+  const SceneDescription here = Parsed("avatar: {anchor: [3, 1]}\n");
+  EXPECT_TRUE(here.avatar->TTargetWorld().isApprox(RigidTransform::Identity()));
+}
+
 TEST(SceneFile, PresetsOfACameraSceneComeFromAboveInItsOwnFrame) {
   const SceneDescription scene = Parsed("frame: camera\nlights:\n  - {kind: directional, preset: N}\n");
   const auto& light = std::get<DirectionalLight>(scene.lights.at(0).shape);
@@ -89,6 +115,20 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"objects:\n  - name: a\n    file: a.glb\n    colour: red\n",
                 "scene.yaml:4: unknown key objects[0].colour"},
         Mistake{"version: 2\n", "scene.yaml:1: version is not 1"},
+        Mistake{"avatar: 3\n", "avatar is not a mapping"},
+        Mistake{"frame: camera\navatar: {}\n", "scene.yaml:2: avatar needs frame: world"},
+        Mistake{"avatar:\n  room: a\n  video: b\n", "scene.yaml:3: avatar.video stands beside room"},
+        Mistake{"avatar: {poses: a}\n", "avatar.poses belongs to video"},
+        Mistake{"avatar: {positon: [1, 2, 0]}\n", "unknown key avatar.positon"},
+        Mistake{"avatar: {position: [1, 2]}\n", "avatar.position is not a list of 3 numbers"},
+        Mistake{"avatar: {turn_deg: 400}\n", "avatar.turn_deg is outside -360..360"},
+        Mistake{"avatar: {camera: {position: [0, 0, 1]}}\n", "avatar.camera.look_at is missing"},
+        Mistake{"avatar: {camera: {position: [0, 0, 1], look_at: [0, 0, 0]}}\n",
+                "avatar.camera.look_at looks straight up or down"},
+        Mistake{"avatar: {camera: {position: [0, 0, 1], look_at: [1, 0, 1], view_deg: 170}}\n",
+                "avatar.camera.view_deg is outside 5..120"},
+        Mistake{"avatar: {video: a, camera: {position: [0, 0, 1], look_at: [1, 0, 1]}}\n",
+                "avatar.camera stands beside video"},
         Mistake{"frame: table\n", "scene.yaml:1: frame is none of world, camera"},
         Mistake{"objects:\n  - name: a\n", "scene.yaml:2: objects[0].file is missing"},
         Mistake{"objects:\n  - {file: a.glb, position: [1, .nan, 2]}\n",

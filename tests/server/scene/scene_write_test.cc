@@ -29,6 +29,7 @@ Scene Loaded(const std::filesystem::path& file) {
 }
 
 void ExpectEqual(const Scene& a, const Scene& b) {
+  EXPECT_EQ(a.avatar, b.avatar);
   EXPECT_EQ(a.frame, b.frame);
   EXPECT_EQ(a.ambient, b.ambient);
   ASSERT_EQ(a.objects.size(), b.objects.size());
@@ -99,9 +100,16 @@ reactions:
   - {object: c, meets: "true", least_impulse_ns: 0.3, light: bulb, intensity: 0.7}
   - {object: c, meets: actor, message: "# \"ouch\""}
 )");
-  const Scene scene = Loaded(file);
+  Scene scene = Loaded(file);
   ASSERT_EQ(scene.objects.size(), 3u);
   ASSERT_EQ(scene.reactions.size(), 3u);
+  scene.avatar = Avatar{.room = "../a \"hall\"",
+                        .video = {},
+                        .poses = {},
+                        .anchor = {3.1, 0.3},
+                        .position = {0.1, 0.2, 0.7},
+                        .turn_deg = -30.1,
+                        .camera = AvatarCamera{{0, 0.1, 1.5}, {4.1, 0, 1.5}, 60.1}};
   ASSERT_TRUE(WriteScene(scene, file));
   const Scene again = Loaded(file);
   ExpectEqual(scene, again);
