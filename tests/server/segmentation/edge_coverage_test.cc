@@ -55,7 +55,7 @@ class EdgeCoverageTest : public ::testing::Test {
   }
 
   static constexpr float kSoft = 3;  // px from nothing to all of him
-  static constexpr std::array<std::uint8_t, 3> kCoat = {60, 40, 45}, kWall = {190, 180, 170};
+  static constexpr std::uint8_t kCoat[] = {60, 40, 45}, kWall[] = {190, 180, 170};
   cv::Mat1f truth_;
   cv::Mat3b bgr_;
   HalfPicture picture_;
