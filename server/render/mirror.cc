@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "server/render/half_camera.h"
+
 namespace mixstage {
 namespace {
 
@@ -16,13 +18,8 @@ constexpr double kMargin_px = 3;
 }  // namespace
 
 PinholeCamera MirroredCamera(const PinholeCamera& color) {
-  PinholeCamera half = color;
-  half.width = (color.width + 1) / 2;
-  half.height = (color.height + 1) / 2;
-  half.fx = 0.5 * color.fx;
-  half.fy = 0.5 * color.fy;
-  half.cx = half.width - 1 - (0.5 * (color.cx + 0.5) - 0.5);
-  half.cy = 0.5 * (color.cy + 0.5) - 0.5;
+  PinholeCamera half = HalfCamera(color);
+  half.cx = half.width - 1 - half.cx;
   half.p2 = -color.p2;  // the one term of the lens that is odd in x
   return half;
 }

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "proto/base/check.h"
+#include "server/render/half_camera.h"
 #include "server/render/interpolate.h"
 #include "server/render/srgb.h"
 
@@ -26,17 +27,6 @@ constexpr float kSharper = 0.7f;
 constexpr int kThinShare = 40;
 constexpr std::size_t kChunkTriangles = 2000;
 constexpr int kLargestTexture = 8192;  // px a side: the whole room at a camera's resolution
-
-PinholeCamera HalfOf(const PinholeCamera& camera) {
-  PinholeCamera half = camera;
-  half.width = (camera.width + 1) / 2;
-  half.height = (camera.height + 1) / 2;
-  half.fx = 0.5 * camera.fx;
-  half.fy = 0.5 * camera.fy;
-  half.cx = 0.5 * (camera.cx + 0.5) - 0.5;
-  half.cy = 0.5 * (camera.cy + 0.5) - 0.5;
-  return half;
-}
 
 Texture TextureOf(const cv::Mat3b& bgr) {
   Texture texture;
@@ -116,7 +106,7 @@ RoomView::RoomView(const Rig& rig, std::shared_ptr<const Room> room, std::unique
       room_(std::move(room)),
       rasteriser_(std::move(rasteriser)),
       full_(ShadingOf(rig, rig.color)),
-      half_(ShadingOf(rig, HalfOf(rig.color))) {
+      half_(ShadingOf(rig, HalfCamera(rig.color))) {
   for (const cv::Vec2f& ray : full_.rays) {
     const double angle = std::atan(std::hypot(ray[0], ray[1]));
     // Beyond the lens's fold a pixel has no ray: then nothing is left out.
