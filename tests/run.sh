@@ -5,25 +5,22 @@
 #   tests/run.sh             all
 #   tests/run.sh FILTER      parts whose name contains FILTER; anything else is a gtest filter: tests/run.sh 'DepthCodec*'
 #
-#   repo     the repository itself           loss     the same over a bad network
-#   unit     C++, release build by GCC       data     recordings, where there are any
-#   page     TypeScript                      browser  the page in Chromium
-#   e2e      real programs, real sockets     soak     1,000 pictures with a restless crowd of viewers
-#   chain    the synthetic rig calibrated, its room scanned and keyed against
-#
-# By name alone, for they need a second build by Clang:
-#   asan     the unit tests under ASan and UBSan
-#   fuzz     every fuzzer for 10 s
+#   repo     the repository itself           data     recordings, where there are any
+#   unit     C++, release build by GCC       browser  the page in Chromium
+#   page     TypeScript                      soak     1,000 pictures with a restless crowd of viewers
+#   e2e      real programs, real sockets     asan     the unit tests under ASan and UBSan, a second build by Clang
+#   chain    the synthetic rig calibrated,   fuzz     every fuzzer for 10 s, from that build
+#            its room scanned, keyed against
+#   loss     e2e over a bad network
 #
 # Longer, by hand: tests/fuzz.sh SECONDS, tests/soak.sh, tests/tsan.sh.
 set -uo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$root"
 filter=${1:-}
-case $filter in -h | --help) sed -n '3,19s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; exit 0 ;; esac
+case $filter in -h | --help) sed -n '3,17s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; exit 0 ;; esac
 
-parts=(repo unit page e2e chain loss data browser soak)
-case $filter in asan | fuzz) parts=("$filter") ;; esac
+parts=(repo unit page e2e chain loss data browser soak asan fuzz)
 chosen=() gtest_filter='*'
 for part in "${parts[@]}"; do [[ $part == *"$filter"* ]] && chosen+=("$part"); done
 if [ ${#chosen[@]} = 0 ]; then chosen=(unit) gtest_filter=$filter; fi
