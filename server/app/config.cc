@@ -72,6 +72,7 @@ Status ReadAll(YamlFields& f, const std::string& place, const fs::path& folder, 
   if (auto ok = ReadPath(f, "rig", folder, c.rig); !ok) return ok;
   if (auto ok = ReadPath(f, "environment", folder, c.environment); !ok) return ok;
   if (auto ok = ReadPath(f, "scene", folder, c.scene); !ok) return ok;
+  if (auto ok = ReadPath(f, "regions", folder, c.regions); !ok) return ok;
   auto background = [&](YamlFields& b) -> Status {
     if (auto ok = ReadPath(b, "clean_plate", folder, c.clean_plate); !ok) return ok;
     double frames = c.learn_frames;
@@ -156,6 +157,7 @@ std::string ToYaml(const StudioConfig& c) {
   path("rig", c.rig);
   path("environment", c.environment);
   path("scene", c.scene);
+  path("regions", c.regions);
   out << "background:\n";
   path("  clean_plate", c.clean_plate);
   out << "  learn_frames: " << c.learn_frames << "\n";

@@ -23,6 +23,7 @@ struct StudioConfig {
   std::filesystem::path rig;          // rig.json
   std::filesystem::path environment;  // folder of a scanned room; empty = none
   std::filesystem::path scene;        // scene.yaml; empty = no CG
+  std::filesystem::path regions;      // regions.yaml: garbage and hold-out; empty = none
   std::filesystem::path clean_plate;  // a take of the empty set; empty = learn it live
   int learn_frames = 30;              // L of piVE eq (1)
   RendererChoice renderer = RendererChoice::kAuto;

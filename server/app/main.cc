@@ -14,6 +14,7 @@
 #include "server/app/open_avatar.h"
 #include "server/app/open_environment.h"
 #include "server/app/process.h"
+#include "server/app/regions_file.h"
 #include "server/app/run.h"
 #include "server/app/scan.h"
 #include "server/app/scan_live.h"
@@ -30,7 +31,7 @@ int Report(const Error& error) {
 }
 
 struct RunOptions {
-  std::string config, rig, environment, scene, clean_plate, listen, lcm, page, record, renderer;
+  std::string config, rig, environment, scene, regions, clean_plate, listen, lcm, page, record, renderer;
   std::string tokens, audit, tls_certificate, tls_key;
   bool check = false, print = false;
 };
@@ -44,6 +45,7 @@ int Run(const RunOptions& o) {
   }
   if (!o.rig.empty()) config.rig = o.rig;
   if (!o.scene.empty()) config.scene = o.scene;
+  if (!o.regions.empty()) config.regions = o.regions;
   if (!o.environment.empty()) config.environment = o.environment;
   if (!o.clean_plate.empty()) config.clean_plate = o.clean_plate;
   if (!o.listen.empty()) config.listen = o.listen;
@@ -73,8 +75,8 @@ int Run(const RunOptions& o) {
 }
 
 struct ProcessFlags {
-  std::string take, rig, environment, clean_plate, scene, poses, out, exports = "composite", frames,
-                                                                      renderer = "cpu", mesh_format = "drc";
+  std::string take, rig, environment, clean_plate, scene, regions, poses, out,
+      exports = "composite", frames, renderer = "cpu", mesh_format = "drc";
   double depth_unit_m = 0;
   bool encode = false, json = false;
 };
@@ -107,6 +109,7 @@ int Process(const ProcessFlags& f) {
   options.mesh_format = *mesh_format;
   if (!f.rig.empty()) options.rig = f.rig;
   if (!f.scene.empty()) options.scene = f.scene;
+  if (!f.regions.empty()) options.regions = f.regions;
   if (!f.poses.empty()) options.poses = f.poses;
   if (!f.environment.empty()) options.environment = f.environment;
   if (f.clean_plate == "none") {
@@ -190,12 +193,13 @@ int Scan(const ScanFlags& f) {
 }
 
 struct CheckFlags {
-  std::string config, rig, environment, scene;
+  std::string config, rig, environment, scene, regions;
 };
 
 int Check(const CheckFlags& f) {
-  if (f.config.empty() && f.rig.empty() && f.environment.empty() && f.scene.empty()) {
-    return Report({ErrorCode::kInvalidConfig, "check what? Give --config, --rig, --environment or --scene"});
+  if (f.config.empty() && f.rig.empty() && f.environment.empty() && f.scene.empty() && f.regions.empty()) {
+    return Report(
+        {ErrorCode::kInvalidConfig, "check what? Give --config, --rig, --environment, --scene or --regions"});
   }
   if (!f.rig.empty()) {
     auto rig = LoadRig(f.rig);
@@ -229,6 +233,11 @@ int Check(const CheckFlags& f) {
     std::printf("%s: good: %zu objects, %zu lights%s\n", f.scene.c_str(), scene->scene.objects.size(),
                 scene->scene.lights.size(), scene->scene.avatar ? ", an avatar" : "");
   }
+  if (!f.regions.empty()) {
+    auto regions = LoadRegions(f.regions);
+    if (!regions) return Report(regions.error());
+    std::printf("%s: good: %zu regions\n", f.regions.c_str(), regions->regions.size());
+  }
   if (!f.config.empty()) {
     auto config = LoadStudioConfig(f.config);
     if (!config) return Report(config.error());
@@ -259,6 +268,7 @@ int main(int argc, char** argv) {
   run_command->add_option("--environment", run.environment,
                           "folder of a scanned room: it is keyed against, no clean plate is needed");
   run_command->add_option("--scene", run.scene, "scene.yaml: virtual objects");
+  run_command->add_option("--regions", run.regions, "regions.yaml: garbage and hold-out regions of the room");
   run_command->add_option("--clean-plate", run.clean_plate,
                           "capture folder of the empty set (default: learn it live)");
   run_command->add_option("--listen", run.listen,
@@ -292,6 +302,8 @@ int main(int argc, char** argv) {
                    "folder of a scanned room: it is keyed against, no clean plate is read")
       ->excludes(clean_plate);
   process_command->add_option("--scene", process.scene, "scene.yaml: virtual objects");
+  process_command->add_option("--regions", process.regions,
+                              "regions.yaml: garbage and hold-out regions of the room");
   process_command->add_option("--poses", process.poses, "camera poses, TUM lines of T_world_color");
   process_command
       ->add_option(
@@ -362,6 +374,7 @@ int main(int argc, char** argv) {
   check_command->add_option("--rig", check.rig, "rig.json");
   check_command->add_option("--environment", check.environment, "folder of a scanned room");
   check_command->add_option("--scene", check.scene, "scene.yaml");
+  check_command->add_option("--regions", check.regions, "regions.yaml");
   check_command->footer("Example: mixstage-server check --rig rig.json");
 
   TokenCommand token(app);

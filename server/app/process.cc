@@ -19,6 +19,7 @@
 #include "server/app/learn_take.h"
 #include "server/app/open_avatar.h"
 #include "server/app/open_environment.h"
+#include "server/app/regions_file.h"
 #include "server/composite/relight.h"
 #include "server/ingest/take_ingest.h"
 #include "server/pipeline/broadcast.h"
@@ -294,6 +295,11 @@ Result<std::string> RunProcess(const ProcessOptions& options) {
     auto poses = ReadPoses(*options.poses);
     if (!poses) return tl::unexpected(poses.error());
     setup.poses = std::move(*poses);
+  }
+  if (options.regions) {
+    auto regions = LoadRegions(*options.regions);
+    if (!regions) return tl::unexpected(regions.error());
+    setup.regions = std::move(*regions);
   }
   auto studio = Studio::Create(std::move(setup));
   if (!studio) return tl::unexpected(studio.error());

@@ -40,7 +40,7 @@ enum class Progress { kShow = 1, kSilent };
 
 struct ProcessOptions {
   std::filesystem::path take, out;
-  std::optional<std::filesystem::path> rig, scene, poses;
+  std::optional<std::filesystem::path> rig, scene, poses, regions;
   CleanPlate clean_plate = CleanPlate::kDefault;
   std::filesystem::path clean_plate_folder;
   std::optional<std::filesystem::path> environment;  // a scanned room: no clean plate is read

@@ -16,6 +16,7 @@
 #include "server/app/learn_take.h"
 #include "server/app/open_avatar.h"
 #include "server/app/open_environment.h"
+#include "server/app/regions_file.h"
 #include "server/pipeline/director.h"
 #include "server/pipeline/live_show.h"
 #include "server/scene/model_process.h"
@@ -98,6 +99,11 @@ Result<Studio> OpenStudio(const StudioConfig& config) {
     setup.rig = RigIn(opened->environment, config.rig.empty() ? nullptr : &setup.rig);
     setup.scanned = std::move(opened->room);
     spdlog::info("room state=\"{}\"", opened->how);
+  }
+  if (!config.regions.empty()) {
+    auto regions = LoadRegions(config.regions);
+    if (!regions) return tl::unexpected(regions.error());
+    setup.regions = std::move(*regions);
   }
   setup.learn_frames = config.learn_frames;
   auto device = ChooseBackend(config.renderer);

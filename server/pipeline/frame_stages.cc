@@ -107,6 +107,7 @@ RigidTransform Studio::TSceneColor(const Frame& frame) const {
 Result<Studio> Studio::Create(StudioSetup setup) {
   const int learn_frames = setup.learn_frames;
   AvatarSetup avatar_setup = std::move(setup.avatar);
+  RoomRegions regions = std::move(setup.regions);
   std::optional<ScannedRoom> scanned = std::move(setup.scanned);
   Studio studio(std::move(setup));
   const Rig& rig = studio.rig_;
@@ -145,6 +146,15 @@ Result<Studio> Studio::Create(StudioSetup setup) {
     auto learner = RoomLearner::Create(learn_frames, rig.color.width, rig.color.height);
     if (!learner) return tl::unexpected(learner.error());
     studio.learner_.emplace(std::move(*learner));
+  }
+  if (!regions.regions.empty()) {
+    if (regions.frame == RegionFrame::kWorld && studio.poses_.empty() && !rig.ptu) {
+      return Fail(
+          ErrorCode::kInvalidConfig,
+          "the regions are in the world's frame, but nothing says where the camera is: give a rig with "
+          "\"ptu\", or --poses, or write them with frame: camera");
+    }
+    studio.regions_.emplace(rig.color, std::move(regions));
   }
   auto key = Key::Create({});
   if (!key) return tl::unexpected(key.error());
@@ -479,8 +489,10 @@ void FrameStages::KeyActor(Studio& s, Frame& f) {
     f.alpha.setTo(0);
     return;
   }
+  if (s.regions_) s.regions_->Run(f.T_world_color, *s.room_, View(std::as_const(f.D)));
   s.key_->Run(*s.room_, View(f.captured->color.y), s.half_, View(std::as_const(f.D)),
-              static_cast<float>(f.depth_age_s), View(f.label), View(f.alpha));
+              static_cast<float>(f.depth_age_s), View(f.label), View(f.alpha),
+              s.regions_ ? &*s.regions_ : nullptr);
   if (s.room_view_ && !s.refined_.complete() && f.captured->capture_us >= s.refine_due_us_) {
     s.refine_due_us_ = f.captured->capture_us + kRefineUs;
     s.refined_.Add(s.half_, s.key_->tone(), s.key_->half_mask(), View(std::as_const(f.label)));
@@ -499,6 +511,7 @@ void FrameStages::ShapeActor(Studio& s, Frame& f) {
   }
   s.actor_surface_->Run(s.key_->half_mask(), View(std::as_const(f.D)), *s.room_, instant);
   f.actor_depth_m = s.actor_surface_->depth_m();
+  if (s.regions_) s.regions_->LayDepth(*s.room_, &f.actor_depth_m);
 }
 
 void FrameStages::PlaceAvatar(Studio& s, Frame& f) {

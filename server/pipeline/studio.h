@@ -31,6 +31,7 @@
 #include "server/segmentation/key.h"
 #include "server/segmentation/predicted_background.h"
 #include "server/segmentation/refined_background.h"
+#include "server/segmentation/room_regions.h"
 
 namespace mixstage {
 
@@ -59,6 +60,7 @@ struct StudioSetup {
   std::optional<Scene> scene;
   AvatarSetup avatar{};           // with a scene that has one
   std::vector<PoseSample> poses;  // --poses: T_world_color by the take's time; empty = none
+  RoomRegions regions{};          // garbage and hold-out
   std::optional<ScannedRoom> scanned{};
   int learn_frames = 30;  // L of piVE eq (1)
   RenderDevice device;    // what depth, room and CG are drawn with
@@ -167,6 +169,7 @@ class Studio {
   RoomState room_state_ = RoomState::kLearning;
   std::optional<RoomDepth> room_depth_;
   std::uint64_t room_revision_ = 0;
+  std::optional<RegionMask> regions_;
   std::optional<Key> key_;
   std::optional<ActorSurface> actor_surface_;
   // place_avatar: empty = the actor stays where he is

@@ -61,7 +61,7 @@ Result<Key> Key::Create(const KeyConfig& c) {
 
 void Key::Run(const BackgroundModel& model, ImageView<const std::uint8_t> luma, const HalfPicture& picture,
               ImageView<const float> depth_m, float depth_age_s, ImageView<std::uint8_t> label,
-              ImageView<std::uint8_t> alpha) {
+              ImageView<std::uint8_t> alpha, const RegionMask* regions) {
   const cv::Size half(Half(model.width), Half(model.height));
   MIX_CHECK(picture.r.size() == half && model.mean[0].size() == half);
   MIX_CHECK(label.width() == model.width && label.height() == model.height && SameSize(label, alpha) &&
@@ -91,10 +91,15 @@ void Key::Run(const BackgroundModel& model, ImageView<const std::uint8_t> luma, 
   room_mean_.Run(color_.room, &room_around_);
   Fuse({color_.room, room_around_, color_.shadow, depth_, inside_, config_.actor_prior, config_.room_weight},
        &evidence_);
+  if (regions != nullptr) {
+    evidence_.setTo(0, regions->garbage());
+    evidence_.setTo(255, regions->things());
+  }
   neighbor_vote_.Run(evidence_, picture, model, tone_, config_.own_weight, &decision_);
   region_filter_.Run(evidence_, config_.regions, &decision_);
   Decide(model);
   edge_coverage_.Run(luma, picture, model, tone_, &half_alpha_, &half_mask_, alpha);
+  if (regions != nullptr) regions->Lay(alpha, &half_mask_);
   cv::erode(half_mask_, core_, cv::getStructuringElement(cv::MORPH_RECT, {9, 9}));
   actor_colors_.Learn(picture, core_, evidence_);
   cv::dilate(half_mask_, actor_around_, cv::getStructuringElement(cv::MORPH_RECT, {9, 9}));

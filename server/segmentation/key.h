@@ -18,6 +18,7 @@
 #include "server/segmentation/labels.h"
 #include "server/segmentation/neighbor_vote.h"
 #include "server/segmentation/region_filter.h"
+#include "server/segmentation/room_regions.h"
 #include "server/segmentation/shadow_texture.h"
 #include "server/segmentation/tone_change.h"
 
@@ -43,14 +44,16 @@ class Key {
   // depth_age_s  >= 0: colour's instant less depth's (what motion compensation has not removed)
   // label    [h x w]  out: values of Label
   // alpha    [h x w]  out: coverage 0..255; >= 128 exactly where label is kLabelActor
+  // regions  after its Run for this frame; null = none
   // Sizes that differ from the model's are a caller bug (checked). Remembers of earlier frames
   // which colours actors wore, and for the tone change where the last one was. Allocates on a new size only;
   // one thread at a time.
   void Run(const BackgroundModel& model, ImageView<const std::uint8_t> luma, const HalfPicture& picture,
            ImageView<const float> depth_m, float depth_age_s, ImageView<std::uint8_t> label,
-           ImageView<std::uint8_t> alpha);
+           ImageView<std::uint8_t> alpha, const RegionMask* regions = nullptr);
 
-  // Of the last Run, [Half(h) x Half(w)]: 255 actor, 0 else. For the actor's surface.
+  // Of the last Run, [Half(h) x Half(w)]: 255 actor, 0 else; not what is held out of the room. For the
+  // actor's surface.
   [[nodiscard]] const cv::Mat1b& half_mask() const { return half_mask_; }
   // Of the last Run, [h x w] R, G, B: the actor's own colour, without the room's share of the pixel; known
   // where 0 < alpha < 255.

@@ -556,10 +556,13 @@ def wrong_use_is_one_line_and_exit_2():
         (folder / "bad.yaml").write_text("version: 1\nlisten_here: nowhere\n")
         (folder / "bad.json").write_text('{"version": 1, "cameras": {"color": {"width": 8, "height": 8, "fx": 0, "fy": 1}}}')
         (folder / "nan.json").write_text('{"version": 1, "cameras": {"color": {"width": 8, "height": 8, "fx": 1e999, "fy": 1}}}')
+        (folder / "regions.yaml").write_text("regions: [{name: window, kind: trash, planes: [[1, 0, 0, 0]]}]\n")
         rig = str(DEMO / "rig.json")
         cases = [
             (2, "listen_here", ["mixstage-server", "run", "--config", str(folder / "bad.yaml"), "--check-config"]),
             (2, "rig", ["mixstage-server", "run"]),
+            (2, "garbage", ["mixstage-server", "run", "--rig", rig, "--regions", str(folder / "regions.yaml"), "--check-config"]),
+            (2, "nowhere.yaml", ["mixstage-server", "check", "--regions", "nowhere.yaml"]),
             (3, "fx", ["mixstage-server", "check", "--rig", str(folder / "bad.json")]),
             (3, "nan.json", ["mixstage-server", "check", "--rig", str(folder / "nan.json")]),
             (2, "login", ["mixstage-server", "run", "--rig", rig, "--listen", "0.0.0.0:8080"]),

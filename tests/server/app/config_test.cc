@@ -21,6 +21,7 @@ TEST(StudioConfig, WhatIsPrintedReadsBack) {
   config.color.preset = EncoderPreset::kVeryfast;
   config.depth.bitrate_bps = 3'500'000;
   config.learn_frames = 45;
+  config.regions = "/somewhere/regions.yaml";
   config.parity = 0.14;
   config.renderer = RendererChoice::kEgl;
   config.tokens = "/etc/mixstage/tokens.json";
