@@ -135,14 +135,16 @@ void ZKey::FindStretches(const CgLayer& cg, const RoomDepth* room) {
     bool open = false;
     for (int x = 0; x < cg.color.cols; ++x) {
       const float coverage = cg.color(y, x)[3];
-      bool seen = coverage > 0;
+      bool seen = coverage > 0, on_surface = false;
       if (seen && room != nullptr) {
         const float z = room->depth_m(cg.bounds.y + y, cg.bounds.x + x);
-        const float sigma = room->sigma_m(cg.bounds.y + y, cg.bounds.x + x);
-        seen = !(z > 0 && z + kRoomSigmas * sigma < cg.depth_m(y, x));
+        const float noise = kRoomSigmas * room->sigma_m(cg.bounds.y + y, cg.bounds.x + x);
+        seen = !(z > 0 && z + noise < cg.depth_m(y, x));
+        on_surface = z > 0 && z - noise <= cg.depth_m(y, x);
       }
       const bool opaque = coverage >= kOpaque;
-      if (seen && (!open || stretches_.back().opaque != opaque)) stretches_.push_back({x, x, opaque});
+      if (seen && (!open || stretches_.back().opaque != opaque || stretches_.back().on_surface != on_surface))
+        stretches_.push_back({x, x, opaque, on_surface});
       open = seen;
       if (seen) stretches_.back().end = x + 1;
     }
@@ -278,7 +280,7 @@ void ZKey::DrawRow(const ZKeyInput& in, int row, YuvImage& composite, cv::Mat1w&
       // Where he is. 0, not known, is in front too.
       for (i = end; i < stretch.end && bounds.x + i < actor.end && alpha[bounds.x + i] != 0; ++i) {
         const std::uint8_t covered = alpha[bounds.x + i];
-        const bool in_front = actor_z[(bounds.x + i) / 2] < layer_z[i];
+        const bool in_front = stretch.on_surface || actor_z[(bounds.x + i) / 2] < layer_z[i];
         if (in_front && covered == 255) continue;
         const float a = in_front ? static_cast<float>(covered) * (1 / 255.f) : 0.f;
         const float coverage = layer[i][3] * (1 - a);

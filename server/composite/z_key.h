@@ -39,7 +39,9 @@ struct ZKeyInput {
 // more.
 // An actor whose depth is not known stands in front, as in any key without depth.
 // The papers compare depths as they are; the sensor's noise would let the floor flicker through an object's
-// foot, so the room hides CG only where it is nearer by kRoomSigmas of its own noise.
+// foot, so the room hides CG only where it is nearer by kRoomSigmas of its own noise. And nobody stands behind
+// the room's surface: CG that lies in it as closely (a marble floor, an object's foot) hides no shoe, whatever
+// the noise of the shoe's own depth.
 class ZKey {
  public:
   static constexpr float kRoomSigmas = 3.f;
@@ -52,10 +54,12 @@ class ZKey {
   void Run(const ZKeyInput& in, YuvImage& composite, cv::Mat1w& depth_mm, cv::Mat1b& cg_alpha);
 
  private:
-  // A stretch of a layer's row that CG covers wholly, or all of it in part.
+  // A stretch of a layer's row that is alike: covered by CG wholly or in part, lying in the room's surface or
+  // before it.
   struct Stretch {
     int begin = 0, end = 0;  // columns of the layer
     bool opaque = false;
+    bool on_surface = false;
   };
   struct Span {
     int begin = 0, end = 0;  // columns of the picture; empty: 0, 0

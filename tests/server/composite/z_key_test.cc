@@ -93,6 +93,19 @@ TEST_F(ZKeyTest, TheRoomHidesCgOnlyBeyondItsNoise) {
   EXPECT_EQ(depth_mm_(5, 6), 1800);
 }
 
+TEST_F(ZKeyTest, CgInTheRoomsSurfaceHidesNobody) {
+  room_.depth_m.setTo(2.1f);  // CG lies in it, within 3 sigma of 50 mm
+  SetActor(2.2f, 255);        // his depth's noise: nobody stands behind a wall
+  Run();
+  EXPECT_EQ(cg_alpha_(5, 6), 0);
+  EXPECT_EQ(composite_.y(5, 6), 100);
+  room_.depth_m.setTo(2.3f);
+  room_.revision = 2;
+  Run();
+  EXPECT_EQ(cg_alpha_(5, 6), 255);
+  EXPECT_EQ(depth_mm_(5, 6), 2000);
+}
+
 TEST_F(ZKeyTest, UnknownRoomNeverHidesCg) {
   room_.depth_m.setTo(0);
   Run();
