@@ -2,6 +2,7 @@
 #include "server/environment/scan.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
@@ -168,21 +169,63 @@ std::vector<std::uint8_t> SweptNodes(const SurfaceNodes& nodes, const PanoramaGr
   return swept;
 }
 
-// Typical error of a surface along its ray: a node's own noise, less by the root of those it was fitted with.
+// Typical error of the surface along its ray: two thirds of it are nearer. A node has what noise leaves of
+// its plane, and what patches of the room's flat surfaces stand off from flat, which is what range curve,
+// poses and echoes do. Errors that bend no surface show in nothing.
 double TypicalSigma(const SurfaceNodes& nodes, const std::vector<GrownPlane>& planes) {
   constexpr double kFittedWith = 20;
-  std::vector<double> sigmas;
-  for (std::size_t i = 0; i < nodes.ray.size(); ++i) {
-    if (nodes.inverse_range[i] == 0) continue;
-    const double with =
-        nodes.room_plane[i] < 0 ? kFittedWith : planes[static_cast<std::size_t>(nodes.room_plane[i])].nodes;
-    const double inverse_range = nodes.inverse_range[i];
-    sigmas.push_back(nodes.sigma[i] / (inverse_range * inverse_range) / std::sqrt(with));
+  constexpr int kPatch = 8, kLeastNodes = 32;  // nodes a side; of them on one plane
+  constexpr double kShare = 0.68;
+  auto at_share = [](std::vector<double>& values, double share) {
+    if (values.empty()) return 0.0;
+    const auto place =
+        values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size()));
+    std::nth_element(values.begin(), place, values.end());
+    return *place;
+  };
+  struct Sums {
+    double weight = 0, off = 0;
+    int nodes = 0;
+  };
+  std::vector<double> noise, off, off_noise;
+  for (int v = 0; v < nodes.height; v += kPatch) {
+    for (int u = 0; u < nodes.width; u += kPatch) {
+      std::vector<Sums> sums(planes.size());
+      for (int y = v; y < std::min(v + kPatch, nodes.height); ++y) {
+        for (int x = u; x < std::min(u + kPatch, nodes.width); ++x) {
+          const auto i = static_cast<std::size_t>(nodes.At(x, y));
+          if (nodes.inverse_range[i] <= 0) continue;
+          const double range = 1.0 / static_cast<double>(nodes.inverse_range[i]);
+          const double sigma_m = static_cast<double>(nodes.sigma[i]) * range * range;
+          const int plane = nodes.room_plane[i];
+          const double with = plane < 0 ? kFittedWith : planes[static_cast<std::size_t>(plane)].nodes;
+          noise.push_back(sigma_m / std::sqrt(with));
+          if (plane < 0 || sigma_m <= 0) continue;
+          Sums& s = sums[static_cast<std::size_t>(plane)];
+          const double weight = 1 / (sigma_m * sigma_m);
+          s.weight += weight;
+          s.off += weight * (range - 1 / static_cast<double>(nodes.plane[i].dot(nodes.ray[i])));
+          ++s.nodes;
+        }
+      }
+      for (const Sums& s : sums) {
+        if (s.nodes < kLeastNodes) continue;
+        off.push_back(std::abs(s.off / s.weight));
+        off_noise.push_back(1 / s.weight);
+      }
+    }
   }
-  if (sigmas.empty()) return 0;
-  const auto middle = sigmas.begin() + static_cast<std::ptrdiff_t>(sigmas.size() / 2);
-  std::nth_element(sigmas.begin(), middle, sigmas.end());
-  return *middle;
+  if (noise.empty()) return 0;
+  const double bent2 = std::max(0.0, std::pow(at_share(off, kShare), 2) - at_share(off_noise, 0.5));
+  // The share of errors below it, of nodes that each have their own sigma, is kShare.
+  double low = 0, high = 10;
+  for (int i = 0; i < 40; ++i) {
+    const double sigma = (low + high) / 2;
+    double within = 0;
+    for (const double n : noise) within += std::erf(sigma / std::sqrt(2 * (n * n + bent2) + 1e-18));
+    (within < kShare * static_cast<double>(noise.size()) ? low : high) = sigma;
+  }
+  return (low + high) / 2;
 }
 
 // The surface at every pixel of the panorama itself: each small pixel on the plane of the large one around
@@ -434,7 +477,8 @@ Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<
     std::sort(misses.begin(), misses.end());
     environment.registration_px = misses[misses.size() / 2];
   }
-  environment.depth_sigma_m = TypicalSigma(surface.nodes, surface.planes);
+  constexpr double kRangeUnit_m = 0.001;  // of the panorama: nothing below is claimed
+  environment.depth_sigma_m = std::max(kRangeUnit_m, TypicalSigma(surface.nodes, surface.planes));
   environment.panorama = panorama;
   for (std::size_t i = 0; i < views.size(); ++i)
     environment.frames.push_back({views[i].listed.name, poses[i]});

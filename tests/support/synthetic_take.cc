@@ -68,7 +68,7 @@ Status WriteColor(SyntheticScene& scene, JpegEncoder& jpeg, double t_s, int numb
 }  // namespace
 
 Status WriteSyntheticTake(const fs::path& folder, const SyntheticTakeConfig& config) {
-  auto scene = SyntheticScene::Create(SyntheticRig(), {});
+  auto scene = SyntheticScene::Create(config.rig.value_or(SyntheticRig()), {});
   if (!scene) return tl::unexpected(scene.error());
   JpegEncoder jpeg;
   Streams take(folder);
