@@ -248,6 +248,7 @@ std::string ToJson(const WatchScene& scene) {
              {"can_redo", scene.can_redo},
              {"unsaved", scene.unsaved},
              {"by", scene.by},
+             {"edits", scene.edits},
              {"objects", std::move(objects)},
              {"lights", std::move(lights)},
              {"models", scene.models}});
@@ -282,6 +283,7 @@ Result<WatchScene> ReadScene(const JsonFields& fields) {
   read.Bool("can_redo", &scene.can_redo);
   read.Bool("unsaved", &scene.unsaved);
   read.Text("by", &scene.by);
+  read.Count("edits", &scene.edits);
   read.List("objects", kMaxSceneObjects, &objects);
   read.List("lights", kMaxSceneLights, &lights);
   read.List("models", kMaxSceneModels, &models);

@@ -57,7 +57,8 @@ struct WatchScene {
   std::string frame{"world"};  // world, camera
   std::array<double, 3> up{};  // unit vector of that frame
   bool can_undo = false, can_redo = false, unsaved = false;
-  std::string by{};  // who changed it last; empty = nobody yet
+  std::string by{};         // who changed it last; empty = nobody yet
+  std::uint64_t edits = 0;  // accepted so far; what else changes is physics
   std::vector<WatchObject> objects{};
   std::vector<WatchLight> lights{};
   std::optional<WatchAvatar> avatar{};

@@ -61,7 +61,7 @@ Status SceneEditor::Apply(const WatchEdit& edit, const EditSource& source, const
     const bool undo = std::holds_alternative<UndoEdit>(edit.op);
     const Status done = undo ? Step(undo_, redo_, "There is nothing to undo.")
                              : Step(redo_, undo_, "There is nothing to redo.");
-    if (done) by_ = source.name;
+    if (done) MarkEdited(source);
     return done;
   }
   const Drag drag{source.viewer, edit.op.index(), TargetOf(edit.op)};
@@ -92,8 +92,13 @@ Status SceneEditor::Apply(const WatchEdit& edit, const EditSource& source, const
     Become(std::move(changed), ++content_);
   }
   redo_.clear();
-  by_ = source.name;
+  MarkEdited(source);
   return {};
+}
+
+void SceneEditor::MarkEdited(const EditSource& source) {
+  by_ = source.name;
+  ++edits_;
 }
 
 Status SceneEditor::Step(std::vector<Version>& from, std::vector<Version>& to, const char* nothing) {
@@ -153,6 +158,7 @@ WatchScene SceneEditor::Message() {
   message.can_redo = !redo_.empty();
   message.unsaved = now_.content != saved_;
   message.by = by_;
+  message.edits = edits_;
   for (const SceneObject& object : scene.objects) {
     WatchObject out;
     out.id = object.id;

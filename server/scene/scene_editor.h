@@ -68,6 +68,7 @@ class SceneEditor {
     bool operator==(const Drag&) const = default;
   };
 
+  void MarkEdited(const EditSource& source);
   Status Step(std::vector<Version>& from, std::vector<Version>& to, const char* nothing);
   void CloseDrag();
   void PushUndo(Version before);
@@ -85,6 +86,7 @@ class SceneEditor {
   std::uint64_t last_put_ = 0;
   std::map<std::uint32_t, StandOf> stands_;
   std::string by_;
+  std::uint64_t edits_ = 0;
 };
 
 }  // namespace mixstage

@@ -114,6 +114,30 @@ export class Director {
       .digest('hex');
   }
 
+  /** Mean colour, 0..255 each, of a part of what is on the screen: [left, top, right, bottom], 0..1 of it. */
+  async colorOf(testid, [left, top, right, bottom]) {
+    const box = await this.find(testid).boundingBox();
+    const clip = {
+      x: box.x + left * box.width,
+      y: box.y + top * box.height,
+      width: (right - left) * box.width,
+      height: (bottom - top) * box.height,
+    };
+    const png = (await this.page.screenshot({ clip })).toString('base64');
+    return this.page.evaluate(async (text) => {
+      const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+      const picture = await createImageBitmap(new Blob([bytes], { type: 'image/png' }));
+      const context = new OffscreenCanvas(picture.width, picture.height).getContext('2d');
+      context.drawImage(picture, 0, 0);
+      const { data } = context.getImageData(0, 0, picture.width, picture.height);
+      return [0, 1, 2].map((channel) => {
+        let sum = 0;
+        for (let at = channel; at < data.length; at += 4) sum += data[at];
+        return (4 * sum) / data.length;
+      });
+    }, png);
+  }
+
   /** Puts the mouse on the middle of a pixel of a size.width x size.height picture. */
   async pointAt(testid, x, y, size) {
     const box = await this.find(testid).boundingBox();

@@ -44,6 +44,27 @@ async function drag(director, from, to) {
   await mouse.up();
 }
 
+// On the window bench of the synthetic room, in parts of the picture; nobody walks there.
+// Of 255: far more than the camera's noise moves a mean.
+const kOtherColor = 4;
+const kOnTheBench = [0.09, 0.6];
+
+/** A part of the program above the foot of something, in parts of its width and height. */
+function around([u, v], height = 0.1) {
+  return [u - 0.02, v - height, u + 0.02, v];
+}
+
+/** Waits until a part of the program has another colour. */
+async function untilColor(director, part, before, what) {
+  const until = Date.now() + 30000;
+  for (;;) {
+    const now = await director.colorOf('program-canvas', part);
+    if (Math.max(...now.map((value, channel) => Math.abs(value - before[channel]))) > kOtherColor) return;
+    if (Date.now() > until) throw new Error(`waited 30 s for ${what}: ${before} became ${now}`);
+    await director.page.waitForTimeout(100);
+  }
+}
+
 export const kSceneChecks = {
   'the scene is listed and the 3D view has its meshes': async ({ director }) => {
     const { objects } = await untilScene(director, 'objects', (now) => now.objects.length > 0);
@@ -163,7 +184,6 @@ export const kSceneChecks = {
   },
   'a lamp is dimmed by its slider': async ({ director }) => {
     const light = (await scene(director)).lights.find(({ intensity }) => intensity > 0);
-    if (light === undefined) return;
     await director.find(`light-${light.id}`).focus();
     for (let press = 0; press < 3; ++press) await director.page.keyboard.press('ArrowLeft');
     await untilScene(
@@ -173,6 +193,62 @@ export const kSceneChecks = {
       light,
     );
   },
+  'what is pushed off the bench and dropped falls, a lamp that moves lights it otherwise, deleted it is gone: the picture shows each':
+    async ({ director }) => {
+      const { objects } = await untilScene(director, 'objects', (now) => now.objects.length > 0);
+      let placed;
+      // Where the depth camera has not seen the bench yet the page says so, and a person tries again.
+      for (let attempt = 0; attempt < 10 && placed === undefined; ++attempt) {
+        await director.find('add').click();
+        await director.find('add-menu').locator('button', { hasText: 'table' }).click();
+        await director.page.mouse.click(...(await at(director, 'program-canvas', ...kOnTheBench)));
+        await director.page.waitForTimeout(2000);
+        placed = (await scene(director)).objects.find(({ id }) => !objects.some((known) => known.id === id));
+      }
+      assert.ok(placed.base[2] > 0.25, `placed ${placed.base[2]} m above the floor`);
+      const is = (now) => now.objects.find(({ id }) => id === placed.id);
+      await director.find(`move-${placed.id}`).focus();
+      for (let press = 0; press < 12; ++press) await director.page.keyboard.press('ArrowRight');
+      const beside = is(
+        await untilScene(director, 'it beside the bench', (now) => {
+          const [x, y] = is(now).base;
+          return Math.hypot(x - placed.base[0], y - placed.base[1]) > 0.55;
+        }),
+      );
+      assert.ok(Math.abs(beside.base[2] - placed.base[2]) < 1e-3, 'it left its height');
+      await director.page.waitForTimeout(700);
+      const ring = await ringMiddle(director);
+      const foot = around(ring);
+      const before_fall = await director.colorOf('program-canvas', foot);
+      await director.page.keyboard.press('d');
+      await untilScene(director, 'it on the floor', (now) => Math.abs(is(now).base[2]) < 0.05);
+      await untilColor(director, foot, before_fall, 'a picture of its fall');
+      const lying = around(await ringMiddle(director), 0.06);
+      await director.shoot('dropped');
+
+      const lit = await director.colorOf('program-canvas', lying);
+      for (const light of (await scene(director)).lights) {
+        await director.find(`light-move-${light.id}`).focus();
+        for (let press = 0; press < 30; ++press) await director.page.keyboard.press('ArrowRight');
+        await untilScene(
+          director,
+          `${light.name} elsewhere`,
+          (now, old) =>
+            Math.hypot(
+              ...now.lights.find(({ id }) => id === old.id).position.map((x, axis) => x - old.position[axis]),
+            ) > 0.5,
+          light,
+        );
+      }
+      await untilColor(director, lying, lit, 'other light on it');
+      await director.shoot('lamp_moved');
+
+      const seen = await director.colorOf('program-canvas', lying);
+      await director.find(`object-${placed.id}`).click();
+      await director.page.keyboard.press('Delete');
+      await untilScene(director, 'it gone', (now) => is(now) === undefined);
+      await untilColor(director, lying, seen, 'a picture without it');
+    },
   'arrow keys move it, without any pointer': async ({ director }) => {
     const [before] = (await scene(director)).objects;
     await director.find(`move-${before.id}`).focus();

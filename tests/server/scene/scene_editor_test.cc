@@ -359,7 +359,9 @@ TEST(SceneEditor, UnsavedIsWhatTheFileDoesNotHold) {
   EXPECT_TRUE(stage.editor.Message().unsaved);
   stage.editor.MarkSaved();
   EXPECT_FALSE(stage.editor.Message().unsaved);
+  EXPECT_EQ(stage.editor.Message().edits, 1u);
   ASSERT_TRUE(stage.Do(UndoEdit{}));
+  EXPECT_EQ(stage.editor.Message().edits, 2u);
   EXPECT_TRUE(stage.editor.Message().unsaved);
   ASSERT_TRUE(stage.Do(RedoEdit{}));
   EXPECT_FALSE(stage.editor.Message().unsaved);

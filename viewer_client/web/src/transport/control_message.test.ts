@@ -70,6 +70,7 @@ const kScene = {
   can_redo: false,
   unsaved: true,
   by: 'anna',
+  edits: 3,
   objects: [kObject],
   lights: [kLight],
   models: ['statue.glb'],

@@ -57,6 +57,8 @@ export interface Scene {
   unsaved: boolean;
   /** Who made the last change; empty when nobody did. */
   by: string;
+  /** Accepted so far: what moves while it stays is moved by physics. */
+  edits: number;
   objects: SceneObject[];
   lights: SceneLight[];
   /** Files that may be added. */
@@ -110,6 +112,7 @@ export function sceneOf(record: JsonRecord): Scene {
     can_redo: flagAt(record, 'can_redo'),
     unsaved: flagAt(record, 'unsaved'),
     by: textAt(record, 'by'),
+    edits: amountAt(record, 'edits'),
     objects: recordsAt(record, 'objects').map(objectOf),
     lights: recordsAt(record, 'lights').map(lightOf),
     models: textsAt(record, 'models'),

@@ -5,6 +5,11 @@ import type { Edit, EditOp } from '../transport/edit';
 const kLiveEvery_ms = 60;
 const kMostId = 2 ** 31 - 1;
 
+function sameTarget(a: EditOp, b: EditOp): boolean {
+  if (a.op === 'move') return b.op === 'move' && a.object === b.object;
+  return a.op === 'light' && b.op === 'light' && a.light === b.light;
+}
+
 /** Numbers edits, and sends what a hand does in the middle of a drag no oftener than the server wants to hear it. */
 export class EditSender {
   readonly #send: (edit: Edit) => void;
@@ -50,6 +55,12 @@ export class EditSender {
     const same = waiting !== null && waiting.op === 'turn' && waiting.object === object;
     if (!same) this.#flush();
     this.#wait({ op: 'turn', object, angle_deg: angle_deg + (same ? waiting.angle_deg : 0) }, false);
+  }
+
+  /** A key that is held leads something along: of what comes too fast only the newest is sent. */
+  lead(op: EditOp): void {
+    if (this.#waiting !== null && !sameTarget(this.#waiting, op)) this.#flush();
+    this.#wait(op, false);
   }
 
   #wait(op: EditOp, live: boolean): void {

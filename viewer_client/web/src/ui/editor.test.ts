@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 import { beforeEach, describe, expect, it, vi } from 'vitest';
 import type { Edit } from '../transport/edit';
-import type { Scene, SceneObject } from '../transport/scene';
+import type { Scene, SceneLight, SceneObject } from '../transport/scene';
 import { project } from '../view/geometry';
 import { EditSender } from './edit_sender';
 import { Editor } from './editor';
@@ -28,6 +28,7 @@ const kScene: Scene = {
   can_redo: false,
   unsaved: false,
   by: '',
+  edits: 0,
   objects: [kBox],
   lights: [],
   models: ['vase.glb'],
@@ -124,10 +125,84 @@ describe('the editor', () => {
   it('nudges away from the camera and right of it', () => {
     editor.select(7);
     editor.nudge(0, 0.05);
+    now_ms += 2000;
     editor.nudge(0.05, 0);
     const [away, right] = sent;
     expect(away).toMatchObject({ op: 'move', position: [4.05, 0, 0] });
     expect(right).toMatchObject({ op: 'move', position: [4, -0.05, 0] });
+  });
+
+  it('loses no step of a key that is held, however late the server answers', () => {
+    editor.select(7);
+    for (let press = 0; press < 4; ++press) {
+      editor.nudge(0, 0.25);
+      now_ms += 100;
+    }
+    expect(sent).toHaveLength(4);
+    expect(sent[3]).toMatchObject({ op: 'move', object: 7, position: [5, 0, 0] });
+    editor.do({ op: 'undo' });
+    editor.nudge(0, 0.25);
+    expect(sent.at(-1)).toMatchObject({ op: 'undo' });
+    now_ms += 100;
+    editor.nudge(0, 0.25);
+    expect(sent.at(-1)).toMatchObject({ position: [4.5, 0, 0] });
+  });
+
+  it('drags a light in the 3D view at its distance from the eye, before what lies behind it', () => {
+    const lamp: SceneLight = {
+      id: 3,
+      name: 'lamp',
+      kind: 'point',
+      position: [3, 0, 0.5],
+      color: [1, 1, 1],
+      intensity: 1,
+    };
+    editor.setScene({ ...kScene, lights: [lamp] });
+    const view = { T_scene_camera: kPose, pinhole: kPinhole };
+    const at = project(view, lamp.position);
+    if (at === null) throw new Error('not in sight');
+    expect(editor.pressRoom(view, at.u + 5, at.v)).toBe(true);
+    editor.dragRoom(view, at.u + 5 - 50, at.v - 100);
+    editor.release();
+    const last = sent.at(-1);
+    if (last?.op !== 'light' || last.position === undefined) throw new Error('no position');
+    expect(last.live).toBe(false);
+    [3, 0.3, 1.1].forEach((value, axis) => expect(last.position?.[axis]).toBeCloseTo(value, 9));
+    editor.setHello('viewer', kPinhole);
+    expect(editor.pressRoom(view, at.u, at.v)).toBe(false);
+  });
+
+  it('moves a light by keys, and turns one that shines from far away', () => {
+    const lamp: SceneLight = {
+      id: 3,
+      name: 'lamp',
+      kind: 'area',
+      position: [3, 0, 2],
+      color: [1, 1, 1],
+      intensity: 1,
+    };
+    const sun: SceneLight = { ...lamp, id: 4, name: 'sun', kind: 'directional', position: [1, 0, 0] };
+    editor.setScene({ ...kScene, lights: [lamp, sun] });
+    const steps = [
+      [3, { right: 0.05, away: 0, up: 0 }],
+      [3, { right: 0, away: 0.05, up: 0.01 }],
+      [4, { right: 0, away: Math.PI / 6, up: 0 }],
+      [4, { right: Math.PI / 2, away: 0, up: 0 }],
+    ] as const;
+    for (const [id, step] of steps) {
+      editor.nudgeLight(id, step);
+      now_ms += 100;
+    }
+    const to = sent.map((edit) => (edit.op === 'light' ? edit.position : undefined));
+    const wanted = [
+      [3, -0.05, 2],
+      [3.05, -0.05, 2.01],
+      [Math.cos(Math.PI / 6), 0, 0.5],
+      [0, -Math.cos(Math.PI / 6), 0.5],
+    ];
+    wanted.forEach((position, index) =>
+      position.forEach((value, axis) => expect(to[index]?.[axis]).toBeCloseTo(value, 9)),
+    );
   });
 
   it('leads what is selected by the hand while the pose is not known', () => {
@@ -145,16 +220,17 @@ describe('the editor', () => {
     const moved = {
       ...kScene,
       by: 'anna',
+      edits: 1,
       objects: [{ ...kBox, base: [4, 1, 0] as [number, number, number] }],
     };
     editor.setUser('ben');
     editor.setScene(moved);
     expect(told).toEqual(['anna moved statue']);
     editor.do({ op: 'undo' });
-    editor.setScene({ ...kScene, by: 'ben' });
+    editor.setScene({ ...kScene, by: 'ben', edits: 2 });
     expect(told.length).toBe(1);
     editor.do({ op: 'redo' });
-    editor.setScene({ ...moved, by: 'anna' });
+    editor.setScene({ ...moved, by: 'anna', edits: 3 });
     expect(told.length).toBe(2);
   });
 

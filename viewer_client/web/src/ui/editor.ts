@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 import type { Pinhole, Role } from '../transport/control_message';
 import type { EditOp } from '../transport/edit';
-import type { Scene, SceneObject, Vector3 } from '../transport/scene';
+import type { Scene, SceneLight, SceneObject, Vector3 } from '../transport/scene';
 import {
   add,
   cross,
@@ -15,11 +15,14 @@ import {
   rotate,
   scale,
   sub,
+  turned,
+  unproject,
   type Pose,
   type Viewpoint,
 } from '../view/geometry';
-import { pickObject } from '../view/pick';
+import { pickLight, pickObject } from '../view/pick';
 import type { EditSender } from './edit_sender';
+import type { Step } from './nudge_keys';
 import { changeOf } from './scene_change';
 
 /** What the next click into the program does. */
@@ -31,9 +34,10 @@ export interface EditorHandlers {
   onNotice(sentence: string, tone: 'quiet' | 'warning'): void;
 }
 
-/** A drag that has begun: which object, and how the pointer stood to its base. */
+/** A drag that has begun: of what, and how the pointer stood to its base. */
 interface Drag {
-  object: number;
+  what: 'object' | 'light';
+  id: number;
   from: { u: number; v: number };
   base: { u: number; v: number };
   moved: boolean;
@@ -44,6 +48,8 @@ interface Drag {
 const kDragFrom_px = 4;
 // A change that comes so soon after an own edit is its echo.
 const kEcho_ms = 1500;
+// Steps that follow each other so soon go on from the last one, whatever the server has told meanwhile.
+const kSteps_ms = 1000;
 
 /** The scene as the server last told it, what is selected in it, and what a director's hand does to it. */
 export class Editor {
@@ -58,6 +64,8 @@ export class Editor {
   #selected: number | null = null;
   #placing: Placing | null = null;
   #drag: Drag | null = null;
+  /** Where the last key led something. */
+  #led: { what: 'object' | 'light'; id: number; position: Vector3; at_ms: number } | null = null;
 
   constructor(sender: EditSender, handlers: EditorHandlers, now = (): number => performance.now()) {
     this.#sender = sender;
@@ -108,7 +116,7 @@ export class Editor {
     const before = this.#scene;
     this.#scene = scene;
     if (this.#object(this.#selected) === null) this.#selected = null;
-    if (this.#drag !== null && this.#object(this.#drag.object) === null) this.#drag = null;
+    if (this.#drag !== null && !this.#exists(this.#drag)) this.#drag = null;
     if (before !== null) this.#tellChange(before, scene);
     this.#handlers.onChange();
   }
@@ -134,10 +142,12 @@ export class Editor {
   }
 
   do(op: EditOp): void {
+    this.#led = null;
     if (this.may_edit) this.#sender.do(op);
   }
 
   live(op: EditOp): void {
+    this.#led = null;
     if (this.may_edit) this.#sender.live(op);
   }
 
@@ -159,15 +169,20 @@ export class Editor {
 
   /** Moves the selected object on its own plane, right of and away from the camera, in metres. */
   nudge(right_m: number, away_m: number): void {
-    const [object, up] = [this.selected, this.#scene?.up];
-    if (object === null || up === undefined || !this.may_edit) return;
-    const z = rotate(this.program_view?.T_scene_camera ?? kIdentityPose, [0, 0, 1]);
-    const flat = sub(z, scale(up, dot(z, up)));
-    // A camera that looks straight down has no "away": then any horizontal direction is one.
-    const away = normalize(Math.hypot(...flat) > 1e-3 ? flat : horizontal(up)[0]);
-    const right = cross(away, up);
-    const position = add(object.base, add(scale(right, right_m), scale(away, away_m)));
-    this.#sender.do({ op: 'move', object: object.id, position });
+    const object = this.selected;
+    if (object === null) return;
+    this.#lead('object', object.id, (last) => add(last ?? object.base, this.#step(right_m, away_m)));
+  }
+
+  /** The same of a light, which also goes up. One from far away is turned, clockwise to the right: a metre is a radian. */
+  nudgeLight(id: number, { right, away, up }: Step): void {
+    const [light, scene] = [this.#light(id), this.#scene];
+    if (light === null || scene === null) return;
+    this.#lead('light', id, (last) => {
+      const from = last ?? light.position;
+      if (light.kind === 'directional') return turned(from, -right, away + up, scene.up);
+      return add(from, add(this.#step(right, away), scale(scene.up, up)));
+    });
   }
 
   /** A press into the program at a pixel of the picture. Says whether the pointer now drags. */
@@ -186,7 +201,8 @@ export class Editor {
     const view = this.program_view;
     if (view === null) {
       // Nothing can be picked without the camera's pose, but what is selected can be led by the hand.
-      if (this.#selected !== null && this.may_edit) this.#begin(this.#selected, u, v, { u, v });
+      if (this.#selected !== null && this.may_edit)
+        this.#begin('object', this.#selected, u, v, { u, v });
       return this.#drag !== null;
     }
     if (this.#take(view, u, v)) return this.#drag !== null;
@@ -198,12 +214,23 @@ export class Editor {
     this.#continue(u, v, (object, at) => ({ op: 'move', object, u: at.u, v: at.v, on: 'floor' }));
   }
 
-  /** A press into the 3D pane; says whether the pointer now drags an object: else it turns the view. */
+  /** A press into the 3D pane; says whether the pointer now drags a light or an object: else it turns the view. */
   pressRoom(view: Viewpoint, u: number, v: number): boolean {
-    return this.#take(view, u, v) && this.#drag !== null;
+    const light = this.may_edit ? pickLight(this.#scene?.lights ?? [], view, u, v) : null;
+    if (light === null) return this.#take(view, u, v) && this.#drag !== null;
+    this.#begin('light', light.id, u, v, project(view, light.position) ?? { u, v });
+    return true;
   }
 
+  /** An object moves on the horizontal plane through its base, a light at its distance from the eye. */
   dragRoom(view: Viewpoint, u: number, v: number): void {
+    if (this.#drag?.what === 'light') {
+      this.#continue(u, v, (id, at) => {
+        const z_m = project(view, this.#light(id)?.position ?? [0, 0, 0])?.z_m;
+        return z_m === undefined ? null : { op: 'light', light: id, position: unproject(view, at, z_m) };
+      });
+      return;
+    }
     this.#continue(u, v, (id, at) => {
       const object = this.#object(id);
       const up = this.#scene?.up;
@@ -225,12 +252,18 @@ export class Editor {
     const object = pickObject(this.#scene?.objects ?? [], view, u, v);
     if (object === null) return false;
     this.select(object.id);
-    if (this.may_edit) this.#begin(object.id, u, v, project(view, object.base) ?? { u, v });
+    if (this.may_edit) this.#begin('object', object.id, u, v, project(view, object.base) ?? { u, v });
     return true;
   }
 
-  #begin(object: number, u: number, v: number, base: { u: number; v: number }): void {
-    this.#drag = { object, from: { u, v }, base, moved: false, last: null };
+  #begin(
+    what: Drag['what'],
+    id: number,
+    u: number,
+    v: number,
+    base: { u: number; v: number },
+  ): void {
+    this.#drag = { what, id, from: { u, v }, base, moved: false, last: null };
   }
 
   #continue(
@@ -243,8 +276,8 @@ export class Editor {
     const [du, dv] = [u - drag.from.u, v - drag.from.v];
     if (!drag.moved && Math.hypot(du, dv) < kDragFrom_px) return;
     drag.moved = true;
-    // The object keeps standing to the pointer as it stood when it was taken.
-    const op = edit(drag.object, { u: drag.base.u + du, v: drag.base.v + dv });
+    // It keeps standing to the pointer as it stood when it was taken.
+    const op = edit(drag.id, { u: drag.base.u + du, v: drag.base.v + dv });
     if (op === null) return;
     drag.last = op;
     this.#sender.live(op);
@@ -254,9 +287,40 @@ export class Editor {
     return this.#scene?.objects.find((object) => object.id === id) ?? null;
   }
 
+  #light(id: number): SceneLight | null {
+    return this.#scene?.lights.find((light) => light.id === id) ?? null;
+  }
+
+  #exists({ what, id }: Drag): boolean {
+    return (what === 'object' ? this.#object(id) : this.#light(id)) !== null;
+  }
+
+  /** `to`: where something goes from where the last key led it; null: from where it is. */
+  #lead(what: 'object' | 'light', id: number, to: (last: Vector3 | null) => Vector3): void {
+    if (!this.may_edit) return;
+    const [led, at_ms] = [this.#led, this.#now()];
+    const goes_on = led?.what === what && led.id === id && at_ms - led.at_ms < kSteps_ms;
+    const position = to(goes_on ? led.position : null);
+    this.#led = { what, id, position, at_ms };
+    this.#sender.lead(
+      what === 'object' ? { op: 'move', object: id, position } : { op: 'light', light: id, position },
+    );
+  }
+
+  /** A horizontal step, right of and away from the camera. */
+  #step(right_m: number, away_m: number): Vector3 {
+    const up = this.#scene?.up ?? [0, 0, 1];
+    const z = rotate(this.program_view?.T_scene_camera ?? kIdentityPose, [0, 0, 1]);
+    const flat = sub(z, scale(up, dot(z, up)));
+    // A camera that looks straight down has no "away": then any horizontal direction is one.
+    const away = normalize(Math.hypot(...flat) > 1e-3 ? flat : horizontal(up)[0]);
+    return add(scale(cross(away, up), right_m), scale(away, away_m));
+  }
+
   #stop(): void {
     this.#placing = null;
     this.#drag = null;
+    this.#led = null;
   }
 
   /** What another director did is said with his name; one's own edits are seen. */

@@ -3,6 +3,8 @@ import type { SceneLight } from '../transport/scene';
 import { el, setText } from './dom';
 import type { Editor } from './editor';
 import { hexOfLinear, intensityAt, linearOfHex, sliderAt, kSliderSteps } from './light_values';
+import { stepOf } from './nudge_keys';
+import { toolButton } from './tool_button';
 
 interface Row {
   root: HTMLElement;
@@ -10,9 +12,10 @@ interface Row {
   value: HTMLElement;
   slider: HTMLInputElement;
   color: HTMLInputElement;
+  move: HTMLButtonElement;
 }
 
-/** The lights: how bright, in which colour. What a hand holds is not moved by what the server says meanwhile. */
+/** The lights: how bright, in which colour, where. What a hand holds is not moved by what the server says meanwhile. */
 export class LightList {
   readonly root: HTMLElement;
   readonly #editor: Editor;
@@ -47,6 +50,13 @@ export class LightList {
     const { may_edit } = this.#editor;
     setText(row.name, light.name);
     setText(row.value, light.intensity.toFixed(light.intensity < 10 ? 2 : 1));
+    const move =
+      light.kind === 'directional'
+        ? `Turn ${light.name}: arrow keys here`
+        : `Move ${light.name}: drag it in 3D, or arrow keys, Page Up and Page Down here`;
+    row.move.title = move;
+    row.move.setAttribute('aria-label', move);
+    row.move.hidden = !may_edit;
     row.slider.disabled = !may_edit;
     row.color.disabled = !may_edit;
     row.slider.setAttribute('aria-label', `Brightness of ${light.name}`);
@@ -70,8 +80,15 @@ export class LightList {
     });
     this.#listen(slider, () => ({ light: id, intensity: intensityAt(Number(slider.value)) }));
     this.#listen(color, () => ({ light: id, color: linearOfHex(color.value) }));
-    const root = el('li', { class: 'light' }, name, slider, value, color);
-    const row = { root, name, value, slider, color };
+    const move = toolButton('move', `light-move-${id}`, 'Move');
+    move.addEventListener('keydown', (event) => {
+      const step = stepOf(event);
+      if (step === null) return;
+      event.preventDefault();
+      this.#editor.nudgeLight(id, step);
+    });
+    const root = el('li', { class: 'light' }, name, slider, value, color, move);
+    const row = { root, name, value, slider, color, move };
     this.#rows.set(id, row);
     this.#list.append(root);
     return row;

@@ -31,6 +31,7 @@ const kScene: Scene = {
   can_redo: false,
   unsaved: false,
   by: '',
+  edits: 0,
   objects: [kStatue],
   lights: [kLamp],
   models: [],
@@ -55,11 +56,15 @@ describe('a change of the scene', () => {
     ['changed 2 things', { ...withStatue({ hidden: true }), lights: [{ ...kLamp, intensity: 2 }] }],
     [null, { ...kScene, revision: 2, can_undo: true }],
   ] as [string | null, Scene][])('is said as: %s', (sentence, after) =>
-    expect(changeOf(kScene, after)).toBe(sentence),
+    expect(changeOf(kScene, { ...after, edits: 1 })).toBe(sentence),
   );
 
   it('knows saving and showing', () => {
     expect(changeOf({ ...kScene, unsaved: true }, kScene)).toBe('saved the scene');
-    expect(changeOf(withStatue({ hidden: true }), kScene)).toBe('showed statue');
+    expect(changeOf(withStatue({ hidden: true }), { ...kScene, edits: 1 })).toBe('showed statue');
+  });
+
+  it('is nobody\'s where something falls', () => {
+    expect(changeOf(kScene, withStatue({ base: [2, 1, 0] }))).toBeNull();
   });
 });

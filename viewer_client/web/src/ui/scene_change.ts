@@ -19,8 +19,11 @@ function ofLight(before: SceneLight, after: SceneLight): string | null {
   return differs(before.position, after.position) ? `moved ${after.name}` : null;
 }
 
-/** What was done between two scenes, as the end of a sentence: "moved statue"; null when nothing is seen. */
+/** What was done between two scenes, as the end of a sentence: "moved statue"; null when nobody did anything that is seen. */
 export function changeOf(before: Scene, after: Scene): string | null {
+  const saved = before.unsaved && !after.unsaved ? 'saved the scene' : null;
+  // What falls is not done by anybody.
+  if (after.edits === before.edits) return saved;
   const done: string[] = [];
   const olds = new Map(before.objects.map((object) => [object.id, object]));
   for (const object of after.objects) {
@@ -35,6 +38,6 @@ export function changeOf(before: Scene, after: Scene): string | null {
     const change = old === undefined ? null : ofLight(old, light);
     if (change !== null) done.push(change);
   }
-  if (done.length === 0) return before.unsaved && !after.unsaved ? 'saved the scene' : null;
+  if (done.length === 0) return saved;
   return done.length === 1 ? (done[0] ?? null) : `changed ${done.length} things`;
 }

@@ -3,28 +3,12 @@ import type { Scene, SceneObject } from '../transport/scene';
 import { AddMenu } from './add_menu';
 import { el, setText } from './dom';
 import type { Editor } from './editor';
-import { icon, type IconName } from './icons';
+import { icon } from './icons';
 import { LightList } from './light_list';
+import { stepOf } from './nudge_keys';
+import { toolButton } from './tool_button';
 
 const kNoticeStays_ms = 6000;
-const kNudge_m = 0.05;
-const kNudgeFine_m = 0.01;
-const kArrows: Readonly<Record<string, readonly [number, number]>> = {
-  ArrowLeft: [-1, 0],
-  ArrowRight: [1, 0],
-  ArrowUp: [0, 1],
-  ArrowDown: [0, -1],
-};
-
-/** A small button that is an icon with a name for those who do not see it. */
-function tool(name: IconName, testid: string, title: string): HTMLButtonElement {
-  return el(
-    'button',
-    { class: 'tool', testid, attributes: { type: 'button', title, 'aria-label': title } },
-    icon(name),
-  );
-}
-
 interface Row {
   root: HTMLElement;
   name: HTMLElement;
@@ -44,8 +28,8 @@ export class SceneSection {
   readonly #list = el('ul', { class: 'objects', testid: 'objects' });
   readonly #empty = el('p', { class: 'quiet' });
   readonly #tools: HTMLElement;
-  readonly #undo = tool('undo', 'undo', 'Undo (Ctrl+Z)');
-  readonly #redo = tool('redo', 'redo', 'Redo (Ctrl+Shift+Z)');
+  readonly #undo = toolButton('undo', 'undo', 'Undo (Ctrl+Z)');
+  readonly #redo = toolButton('redo', 'redo', 'Redo (Ctrl+Shift+Z)');
   readonly #save = el(
     'button',
     { class: 'save', testid: 'save', attributes: { type: 'button', title: 'Save the scene (Ctrl+S)' } },
@@ -153,9 +137,9 @@ export class SceneSection {
       { class: 'object-select', testid: `object-${id}`, attributes: { type: 'button' } },
       name,
     );
-    const hide = tool('shown', `hide-${id}`, 'Hide');
-    const move = tool('move', `move-${id}`, 'Move: click into the program, or use the arrow keys here');
-    const remove = tool('trash', `delete-${id}`, 'Delete (Del)');
+    const hide = toolButton('shown', `hide-${id}`, 'Hide');
+    const move = toolButton('move', `move-${id}`, 'Move: click into the program, or use the arrow keys here');
+    const remove = toolButton('trash', `delete-${id}`, 'Delete (Del)');
     const root = el('li', { class: 'object' }, select, hide, move, remove);
     select.addEventListener('click', () => this.#editor.select(id));
     hide.addEventListener('click', () => {
@@ -176,11 +160,10 @@ export class SceneSection {
   }
 
   #nudge(event: KeyboardEvent, id: number): void {
-    const arrow = kArrows[event.key];
-    if (arrow === undefined || event.ctrlKey || event.altKey || event.metaKey) return;
+    const step = stepOf(event);
+    if (step === null || step.up !== 0) return;
     event.preventDefault();
     if (this.#editor.selected?.id !== id) this.#editor.select(id);
-    const step_m = event.shiftKey ? kNudgeFine_m : kNudge_m;
-    this.#editor.nudge(arrow[0] * step_m, arrow[1] * step_m);
+    this.#editor.nudge(step.right, step.away);
   }
 }

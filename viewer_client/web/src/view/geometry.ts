@@ -35,6 +35,19 @@ export function horizontal(up: Vector3): [Vector3, Vector3] {
   return [e0, cross(up, e0)];
 }
 
+// Straight up there would be no sideways.
+const kSteepest_rad = (89 * Math.PI) / 180;
+
+/** A direction of length 1 turned about `up`, and raised towards it. */
+export function turned(direction: Vector3, around_rad: number, raised_rad: number, up: Vector3): Vector3 {
+  const [e0, e1] = horizontal(up);
+  const azimuth = Math.atan2(dot(direction, e1), dot(direction, e0)) + around_rad;
+  const elevation = Math.asin(Math.min(1, Math.max(-1, dot(direction, up)))) + raised_rad;
+  const kept = Math.min(kSteepest_rad, Math.max(-kSteepest_rad, elevation));
+  const around = add(scale(e0, Math.cos(azimuth)), scale(e1, Math.sin(azimuth)));
+  return add(scale(around, Math.cos(kept)), scale(up, Math.sin(kept)));
+}
+
 /** Rows of a rigid 3 x 4 matrix T_a_b, or of the upper part of a 4 x 4 one. */
 export type Pose = readonly number[];
 
@@ -84,6 +97,16 @@ export function project({ T_scene_camera, pinhole }: Viewpoint, point: Vector3):
   const [x, y, z] = transformBack(T_scene_camera, point);
   if (!(z > kNearest_m)) return null;
   return { u: (pinhole.fx * x) / z + pinhole.cx, v: (pinhole.fy * y) / z + pinhole.cy, z_m: z };
+}
+
+/** The point that is seen at a pixel, z_m along the optical axis. */
+export function unproject(
+  { T_scene_camera, pinhole }: Viewpoint,
+  { u, v }: { u: number; v: number },
+  z_m: number,
+): Vector3 {
+  const [x, y] = [(u - pinhole.cx) / pinhole.fx, (v - pinhole.cy) / pinhole.fy];
+  return transform(T_scene_camera, [x * z_m, y * z_m, z_m]);
 }
 
 export interface Ray {

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-import type { SceneObject, Vector3 } from '../transport/scene';
+import type { SceneLight, SceneObject, Vector3 } from '../transport/scene';
 import { dot, project, scale, sub, transform, type Pixel, type Viewpoint } from './geometry';
 
-/** How far beside a small object a click still means it. */
+/** How far beside a small object a click still means it; beside the middle of a light's mark. */
 const kReach_px = 8;
+const kLightReach_px = 14;
 
 /** The eight corners of the object's box, in the scene's frame. */
 export function corners({ bounds, pose }: SceneObject): Vector3[] {
@@ -70,6 +71,21 @@ export function pickObject(
     }
   }
   return best;
+}
+
+/** The nearest light whose mark the pixel lies on; null: none. One that shines from far away has no mark. */
+export function pickLight(
+  lights: readonly SceneLight[],
+  view: Viewpoint,
+  u: number,
+  v: number,
+): SceneLight | null {
+  const seen = lights
+    .filter(({ kind }) => kind !== 'directional')
+    .map((light) => ({ light, pixel: project(view, light.position) }))
+    .filter(({ pixel }) => pixel !== null && Math.hypot(pixel.u - u, pixel.v - v) <= kLightReach_px)
+    .sort((a, b) => (a.pixel?.z_m ?? 0) - (b.pixel?.z_m ?? 0));
+  return seen[0]?.light ?? null;
 }
 
 /** How high the object's box reaches above its base, along `up`. */
