@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 
@@ -48,19 +49,60 @@ void FitRegion(Region& region, const Eigen::Vector3d& center) {
   if (region.normal.dot(center - region.mean) < 0) region.normal = -region.normal;
 }
 
+// Lamps hang under ceilings and windows stand in walls: a region that nearly faces as a plane of the room
+// beside it does is taken to face alike. Its points' directions are exact, their ranges hang on whatever is
+// around: they are laid on the plane that most of them are near.
+void LayFlat(const std::vector<GrownPlane>& planes, const Eigen::Vector3d& center, Region& region) {
+  constexpr double kAlike = 0.9, kBeside_m = 0.4;
+  double best = kAlike;
+  for (const GrownPlane& plane : planes) {
+    const Eigen::Vector3d n = -plane.m.normalized();
+    const double beside = n.dot(region.mean - center) + 1 / plane.m.norm();
+    if (std::abs(beside) > kBeside_m || n.dot(region.normal) < best) continue;
+    best = n.dot(region.normal);
+    region.normal = n;
+  }
+  std::vector<double> away;
+  for (const Eigen::Vector3d& p : region.points) away.push_back(region.normal.dot(p - center));
+  const auto middle = away.begin() + static_cast<std::ptrdiff_t>(away.size() / 2);
+  std::nth_element(away.begin(), middle, away.end());
+  std::vector<Eigen::Vector3d> flat;
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& p : region.points) {
+    const double along = region.normal.dot(p - center);
+    const double times = std::abs(along) > 1e-6 ? *middle / along : 0;
+    if (!(times > 0.5 && times < 2)) continue;
+    flat.push_back(center + times * (p - center));
+    sum += flat.back();
+  }
+  if (flat.empty()) return;
+  region.mean = sum / static_cast<double>(flat.size());
+  region.points = std::move(flat);
+}
+
+// Around its points but for the outermost hundredth on each side.
 RoomLamp Rectangle(const Region& region) {
+  constexpr double kOutermost = 0.01;
   const Eigen::Vector3d u = region.normal.unitOrthogonal(), v = region.normal.cross(u);
   std::vector<cv::Point2f> flat;
   for (const Eigen::Vector3d& p : region.points)
     flat.emplace_back(static_cast<float>(u.dot(p - region.mean)), static_cast<float>(v.dot(p - region.mean)));
-  const cv::RotatedRect box = cv::minAreaRect(flat);
-  const double angle = box.angle * std::numbers::pi / 180;
+  const double angle = cv::minAreaRect(flat).angle * std::numbers::pi / 180;
   const Eigen::Vector3d along = std::cos(angle) * u + std::sin(angle) * v;
   const Eigen::Vector3d across = -std::sin(angle) * u + std::cos(angle) * v;
+  auto extent = [&](const Eigen::Vector3d& axis) {
+    std::vector<double> at;
+    for (const Eigen::Vector3d& p : region.points) at.push_back(axis.dot(p - region.mean));
+    std::sort(at.begin(), at.end());
+    const auto skip = static_cast<std::size_t>(kOutermost * static_cast<double>(at.size()));
+    return std::array<double, 2>{at[skip], at[at.size() - 1 - skip]};
+  };
+  const auto [along_from, along_to] = extent(along);
+  const auto [across_from, across_to] = extent(across);
   RoomLamp lamp;
-  lamp.center = region.mean + static_cast<double>(box.center.x) * u + static_cast<double>(box.center.y) * v;
-  lamp.edge_u = static_cast<double>(box.size.width) * along;
-  lamp.edge_v = static_cast<double>(box.size.height) * across;  // edge_u x edge_v is the normal
+  lamp.center = region.mean + (along_from + along_to) / 2 * along + (across_from + across_to) / 2 * across;
+  lamp.edge_u = (along_to - along_from) * along;
+  lamp.edge_v = (across_to - across_from) * across;  // edge_u x edge_v is the normal
   return lamp;
 }
 
@@ -125,74 +167,182 @@ std::vector<Region> ClippedRegions(const cv::Mat4b& color, const DenseSurface& d
   return kept;
 }
 
-// Non-negative least squares of a few unknowns by coordinate descent on the normal equations.
-Eigen::VectorXd SolveNonNegative(const Eigen::MatrixXd& A, const Eigen::VectorXd& b) {
-  Eigen::VectorXd x = Eigen::VectorXd::Zero(b.size());
-  for (int pass = 0; pass < 300; ++pass)
-    for (Eigen::Index i = 0; i < b.size(); ++i)
-      if (A(i, i) > 0) x[i] = std::max(0.0, x[i] + (b[i] - A.row(i).dot(x)) / A(i, i));
-  return x;
+// The room's surface as what it sends back: parts of the panorama. Lamps are none of it.
+struct Reflector {
+  Eigen::Vector3d center, normal;
+  double area = 0;
+  Eigen::Array3d radiance = Eigen::Array3d::Zero();  // B G R, linear
+};
+
+struct Reflectors {
+  std::vector<Reflector> parts;
+  Eigen::Array3d mean = Eigen::Array3d::Zero();  // radiance, by solid angle
+
+  // Irradiance / pi at x on a surface of normal n. Where nothing was seen the room goes on like its mean.
+  [[nodiscard]] Eigen::Array3d Onto(const Eigen::Vector3d& x, const Eigen::Vector3d& n) const {
+    Eigen::Array3d sum = Eigen::Array3d::Zero();
+    double share = 0;
+    for (const Reflector& r : parts) {
+      const Eigen::Vector3d to = r.center - x;
+      const double at_surface = n.dot(to), at_part = -r.normal.dot(to), d2 = to.squaredNorm();
+      if (at_surface <= 0 || at_part <= 0) continue;
+      const double factor =
+          at_surface * at_part * r.area / (d2 * (std::numbers::pi * d2 + r.area));  // as a disc
+      sum += factor * r.radiance;
+      share += factor;
+    }
+    return share > 1 ? Eigen::Array3d(sum / share) : Eigen::Array3d(sum + (1 - share) * mean);
+  }
+};
+
+Eigen::Array3d LinearOf(const cv::Vec4b& c) {
+  return {static_cast<double>(ToLinear(c[0])), static_cast<double>(ToLinear(c[1])),
+          static_cast<double>(ToLinear(c[2]))};
+}
+
+Reflectors ReflectorsOf(const cv::Mat4b& color, const DenseSurface& dense, const SurfaceNodes& nodes,
+                        const PanoramaGrid& grid, const LampConfig& config) {
+  constexpr double kParts = 2500, kLeastCosine = 0.1;
+  Reflectors out;
+  const int side = std::max(2, static_cast<int>(std::sqrt(static_cast<double>(color.total()) / kParts)));
+  const Eigen::Vector3d center = grid.panorama().center;
+  double angle = 0;
+  for (int v = 0; v + side <= color.rows; v += side) {
+    for (int u = 0; u + side <= color.cols; u += side) {
+      const int y = v + side / 2, x = u + side / 2;
+      const int node = dense.node(y, x);
+      if (node < 0) continue;
+      Reflector part;
+      int count = 0;
+      for (int j = v; j < v + side; ++j) {
+        for (int i = u; i < u + side; ++i) {
+          const cv::Vec4b c = color(j, i);
+          if (c[3] == 0 || dense.node(j, i) < 0 || std::min({c[0], c[1], c[2]}) >= config.clipped) continue;
+          part.radiance += LinearOf(c);
+          ++count;
+        }
+      }
+      if (count == 0) continue;
+      part.radiance /= count;
+      const Eigen::Vector3d ray = grid.Ray(x, y).cast<double>();
+      const double range = 1.0 / static_cast<double>(dense.inverse_range(y, x));
+      const double solid = count * grid.step_rad() * grid.step_rad() * std::hypot(ray.x(), ray.y());
+      part.center = center + range * ray;
+      part.normal = -nodes.plane[static_cast<std::size_t>(node)].cast<double>().normalized();
+      part.area = solid * range * range / std::max(kLeastCosine, -part.normal.dot(ray));
+      out.mean += solid * part.radiance;
+      angle += solid;
+      out.parts.push_back(part);
+    }
+  }
+  if (angle > 0) out.mean /= angle;
+  return out;
+}
+
+// Nothing that the scan saw stands between x and p; what it did not look at counts as free.
+bool SeesEachOther(const Eigen::Vector3d& x, const Eigen::Vector3d& p, const DenseSurface& dense,
+                   const PanoramaGrid& grid) {
+  constexpr int kSteps = 24;
+  constexpr double kEnds_m = 0.15, kBehind_m = 0.06, kBehindOfRange = 0.02;
+  const double length = (p - x).norm();
+  for (int k = 0; k < kSteps; ++k) {
+    const double t = (k + 0.5) / kSteps;
+    if (t * length < kEnds_m || (1 - t) * length < kEnds_m) continue;
+    const Eigen::Vector3d q = x + t * (p - x) - grid.panorama().center;
+    const auto pixel = grid.panorama().Pixel(q);
+    if (!pixel) continue;
+    const int u = static_cast<int>(std::lround(pixel->x())), v = static_cast<int>(std::lround(pixel->y()));
+    if (u < 0 || v < 0 || u >= dense.inverse_range.cols || v >= dense.inverse_range.rows) continue;
+    const float inverse = dense.inverse_range(v, u);
+    if (inverse <= 0) continue;
+    const double range = 1.0 / static_cast<double>(inverse);
+    if (q.norm() > range + kBehind_m + kBehindOfRange * range) return false;
+  }
+  return true;
 }
 
 struct Shade {
   std::size_t plane;
-  std::vector<double> factors;     // of each lamp
-  std::array<double, 3> radiance;  // B G R, linear
+  std::vector<double> factors;  // of each lamp
+  Eigen::Array3d around;        // irradiance / pi that other surfaces send, B G R
+  Eigen::Array3d radiance;      // B G R, linear
 };
 
-// Radiance of every lamp and channel, for the mean albedo of one half. Alternates between the planes' albedos
-// and ambient light, and the lamps.
-std::array<Eigen::VectorXd, 3> SolveRadiance(const std::vector<Shade>& shades, std::size_t planes,
-                                             std::size_t lamps) {
-  std::array<Eigen::VectorXd, 3> radiance;
-  for (std::size_t c = 0; c < 3; ++c) {
-    Eigen::VectorXd L = Eigen::VectorXd::Ones(static_cast<Eigen::Index>(lamps));
-    std::vector<double> albedo(planes, 0.5), ambient(planes, 0);
-    for (int iteration = 0; iteration < 30; ++iteration) {
-      // Each plane: radiance = albedo s + ambient with s = sum of F L.
-      std::vector<std::array<double, 5>> sums(planes, std::array<double, 5>{});
-      for (const Shade& sh : shades) {
-        double s = 0;
-        for (std::size_t l = 0; l < lamps; ++l) s += sh.factors[l] * L[static_cast<Eigen::Index>(l)];
-        auto& t = sums[sh.plane];
-        t[0] += 1, t[1] += s, t[2] += s * s, t[3] += sh.radiance[c], t[4] += s * sh.radiance[c];
+struct LampPrior {
+  Eigen::VectorXd log_radiance;  // empty: all lamps are alike, whatever they are
+  double deviation = 1.0;        // of the logarithm
+};
+
+// Logarithms of the lamps' radiances: log radiance = log albedo + log(around + sum of factor x L), the albedo
+// of a plane unknown. Surfaces' patterns are outliers of both signs: Cauchy weights. around is known in the
+// picture's own units, so that the lamps come out in them.
+Eigen::VectorXd SolveRadiance(const std::vector<Shade>& shades, std::size_t planes, std::size_t lamps,
+                              const std::function<double(const Eigen::Array3d&)>& channel,
+                              const LampPrior& prior) {
+  constexpr double kUsualAlbedo = 0.5, kAlbedoDeviation = 0.7;
+  constexpr double kIndependent =
+      40;  // samples of a plane that tell something new: its pattern and our model err alike
+  constexpr double kLeastScale = 0.02;
+  const auto n = static_cast<Eigen::Index>(planes + lamps), first = static_cast<Eigen::Index>(planes);
+  Eigen::VectorXd at(n);
+  at.head(first).setConstant(std::log(kUsualAlbedo));
+  at.tail(n - first).setConstant(std::log(5.0));
+  if (prior.log_radiance.size() > 0) at.tail(n - first) = prior.log_radiance;
+  std::vector<int> count(planes, 0);
+  for (const Shade& s : shades) ++count[s.plane];
+  std::vector<double> off(shades.size());
+  Eigen::VectorXd J(n);
+  for (int iteration = 0; iteration < 40; ++iteration) {
+    for (int pass = 0; pass < 2; ++pass) {
+      double scale = 0;
+      if (pass == 1) {
+        std::vector<double> sizes(off.size());
+        std::transform(off.begin(), off.end(), sizes.begin(), [](double r) { return std::abs(r); });
+        const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
+        std::nth_element(sizes.begin(), middle, sizes.end());
+        scale = std::max(kLeastScale, 1.48 * *middle);
       }
-      for (std::size_t p = 0; p < planes; ++p) {
-        const auto& t = sums[p];
-        const double det = t[0] * t[2] - t[1] * t[1];
-        if (t[0] < 20 || det < 1e-12 * t[0] * t[2]) continue;
-        albedo[p] = std::clamp((t[0] * t[4] - t[1] * t[3]) / det, 1e-4, 1e4);
-        ambient[p] = std::max(0.0, (t[3] - albedo[p] * t[1]) / t[0]);
-      }
-      Eigen::MatrixXd A = Eigen::MatrixXd::Identity(L.size(), L.size()) * 1e-9;
-      Eigen::VectorXd b = Eigen::VectorXd::Zero(L.size());
-      for (const Shade& sh : shades) {
-        for (std::size_t l = 0; l < lamps; ++l) {
-          const double f = albedo[sh.plane] * sh.factors[l];
-          b[static_cast<Eigen::Index>(l)] += f * (sh.radiance[c] - ambient[sh.plane]);
-          for (std::size_t k = 0; k < lamps; ++k)
-            A(static_cast<Eigen::Index>(l), static_cast<Eigen::Index>(k)) +=
-                f * albedo[sh.plane] * sh.factors[k];
+      Eigen::MatrixXd A = Eigen::MatrixXd::Zero(n, n);
+      Eigen::VectorXd b = Eigen::VectorXd::Zero(n);
+      for (std::size_t i = 0; i < shades.size(); ++i) {
+        const Shade& s = shades[i];
+        double light = channel(s.around);
+        for (std::size_t l = 0; l < lamps; ++l)
+          light += s.factors[l] * std::exp(at[first + static_cast<Eigen::Index>(l)]);
+        light = std::max(light, 1e-6);
+        const auto p = static_cast<Eigen::Index>(s.plane);
+        if (pass == 0) {
+          off[i] = std::log(channel(s.radiance)) - at[p] - std::log(light);
+          continue;
         }
+        J.setZero();
+        J[p] = 1;
+        for (std::size_t l = 0; l < lamps; ++l) {
+          const auto k = first + static_cast<Eigen::Index>(l);
+          J[k] = s.factors[l] * std::exp(at[k]) / light;
+        }
+        const double w = std::min(1.0, kIndependent / count[s.plane]) / (scale * scale + off[i] * off[i]);
+        A += w * J * J.transpose();
+        b += w * off[i] * J;
       }
-      // Two lamps whose light falls alike on every wall are told apart by nothing: they are held at what is
-      // common to all of them.
-      const double common = L.mean(), hold = 0.05 * A.diagonal().mean();
-      A.diagonal().array() += hold;
-      b.array() += hold * common;
-      L = SolveNonNegative(A, b);
-      // Only albedo x radiance is known: the mean albedo, by samples, is one half.
-      double mean = 0, count = 0;
-      for (std::size_t p = 0; p < planes; ++p) {
-        mean += sums[p][0] * albedo[p];
-        count += sums[p][0];
+      if (pass == 0) continue;
+      for (Eigen::Index p = 0; p < first; ++p) {
+        A(p, p) += 1 / (kAlbedoDeviation * kAlbedoDeviation);
+        b[p] += (std::log(kUsualAlbedo) - at[p]) / (kAlbedoDeviation * kAlbedoDeviation);
       }
-      const double scale = count > 0 ? mean / count / 0.5 : 1;
-      if (scale > 0) L *= scale;
+      const double alike = at.tail(n - first).mean();
+      for (Eigen::Index k = first; k < n; ++k) {
+        const double toward = prior.log_radiance.size() > 0 ? prior.log_radiance[k - first] : alike;
+        A(k, k) += 1 / (prior.deviation * prior.deviation);
+        b[k] += (toward - at[k]) / (prior.deviation * prior.deviation);
+      }
+      at += A.ldlt().solve(b).cwiseMax(-0.7).cwiseMin(0.7);
+      for (Eigen::Index p = 0; p < first; ++p) at[p] = std::min(at[p], 0.0);  // albedo <= 1
+      for (Eigen::Index k = first; k < n; ++k)
+        at[k] = std::clamp(at[k], 0.0, std::log(1e4));  // clipped: >= 1
     }
-    radiance[c] = L;
   }
-  return radiance;
+  return at.tail(n - first);
 }
 
 }  // namespace
@@ -222,15 +372,19 @@ std::vector<RoomLamp> FindLamps(const cv::Mat4b& color, const DenseSurface& dens
                                 const std::vector<GrownPlane>& planes, const PanoramaGrid& grid,
                                 const LampConfig& config) {
   std::vector<RoomLamp> lamps;
-  for (const Region& region : ClippedRegions(color, dense, grid, config)) {
+  for (Region& region : ClippedRegions(color, dense, grid, config)) {
+    LayFlat(planes, grid.panorama().center, region);
     lamps.push_back(Rectangle(region));
     lamps.back().name.append("lamp_").append(std::to_string(lamps.size()));
   }
   if (lamps.empty()) return lamps;
-  std::vector<Shade> shades;
   constexpr std::size_t kMostPlanes = 8;
+  constexpr double kSamples = 4000;
+  constexpr int kBright = 240, kDark = 4;
   const Eigen::Vector3d center = grid.panorama().center;
-  const int step = std::max(4, static_cast<int>(std::sqrt(static_cast<double>(color.total()) / 20'000)));
+  const Reflectors reflectors = ReflectorsOf(color, dense, nodes, grid, config);
+  std::vector<Shade> shades, hidden;  // those that all lamps shine on, and the others
+  const int step = std::max(2, static_cast<int>(std::sqrt(static_cast<double>(color.total()) / kSamples)));
   for (int y = step / 2; y < color.rows; y += step) {
     for (int x = step / 2; x < color.cols; x += step) {
       const int node = dense.node(y, x);
@@ -238,26 +392,42 @@ std::vector<RoomLamp> FindLamps(const cv::Mat4b& color, const DenseSurface& dens
       const int plane = nodes.room_plane[static_cast<std::size_t>(node)];
       const cv::Vec4b c = color(y, x);
       if (plane < 0 || plane >= static_cast<int>(kMostPlanes) || c[3] == 0 ||
-          std::max({c[0], c[1], c[2]}) >= 240)
+          std::max({c[0], c[1], c[2]}) >= kBright || std::min({c[0], c[1], c[2]}) <= kDark)
         continue;
       Shade shade;
       shade.plane = static_cast<std::size_t>(plane);
       const Eigen::Vector3d p =
           center + grid.Ray(x, y).cast<double>() / static_cast<double>(dense.inverse_range(y, x));
       const Eigen::Vector3d n = -planes[shade.plane].m.normalized();
-      for (const RoomLamp& lamp : lamps) shade.factors.push_back(FormFactor(lamp, p, n));
-      for (std::size_t k = 0; k < 3; ++k)
-        shade.radiance[k] = static_cast<double>(ToLinear(c[static_cast<int>(k)]));
-      shades.push_back(std::move(shade));
+      bool lit = true;
+      for (const RoomLamp& lamp : lamps) {
+        shade.factors.push_back(FormFactor(lamp, p, n));
+        for (const double k : {-0.35, 0.0, 0.35})
+          lit = lit && (shade.factors.back() == 0 ||
+                        SeesEachOther(p, lamp.center + k * (lamp.edge_u + lamp.edge_v), dense, grid));
+      }
+      shade.around = reflectors.Onto(p, n);
+      shade.radiance = LinearOf(c);
+      (lit ? shades : hidden).push_back(std::move(shade));
     }
   }
-  const auto radiance = SolveRadiance(shades, std::min(planes.size(), kMostPlanes), lamps.size());
+  if (shades.size() < hidden.size() / 4) shades.insert(shades.end(), hidden.begin(), hidden.end());
+  if (shades.empty()) {
+    for (RoomLamp& lamp : lamps) lamp.color.setOnes();
+    return lamps;
+  }
+  const std::size_t of_planes = std::min(planes.size(), kMostPlanes);
+  const Eigen::VectorXd all =
+      SolveRadiance(shades, of_planes, lamps.size(), [](const Eigen::Array3d& v) { return v.mean(); }, {});
+  constexpr double kColorDeviation = 0.3;  // a camera is balanced to its room: lamps are white, more or less
+  std::array<Eigen::VectorXd, 3> radiance;
+  for (Eigen::Index k = 0; k < 3; ++k)
+    radiance[static_cast<std::size_t>(k)] =
+        SolveRadiance(shades, of_planes, lamps.size(), [k](const Eigen::Array3d& v) { return v[k]; },
+                      {all, kColorDeviation});
   for (std::size_t l = 0; l < lamps.size(); ++l) {
     const auto i = static_cast<Eigen::Index>(l);
-    Eigen::Vector3d rgb(radiance[2][i], radiance[1][i], radiance[0][i]);
-    // It was clipped: at least the picture's white.
-    if (!(rgb.maxCoeff() >= 1)) rgb = Eigen::Vector3d::Ones();
-    rgb = rgb.cwiseMax(0.02 * rgb.maxCoeff());
+    const Eigen::Vector3d rgb(std::exp(radiance[2][i]), std::exp(radiance[1][i]), std::exp(radiance[0][i]));
     lamps[l].intensity = rgb.maxCoeff();
     lamps[l].color = rgb / rgb.maxCoeff();
   }

@@ -20,9 +20,10 @@ struct LampConfig {
 };
 
 // Area lights, largest first. color [h x w] of the grid, A = 0 not seen. A clipped region becomes a rectangle
-// on its surface. Radiance by least squares on the room's large planes: radiance(x) = albedo x (ambient + sum
-// of the lamps' form factors x radiance), albedo of a plane and ambient unknown; what only ratios determine
-// is fixed by a mean albedo of one half.
+// on its surface. Radiance by robust least squares on the room's large planes, where all lamps shine freely:
+// log radiance(x) = log albedo + log(around(x) + sum of the lamps' form factors x radiance). The albedo of a
+// plane is unknown; around is what the panorama's other surfaces send to x (interreflection, one bounce as
+// measured), which fixes the unit: the picture's.
 std::vector<RoomLamp> FindLamps(const cv::Mat4b& color, const DenseSurface& dense, const SurfaceNodes& nodes,
                                 const std::vector<GrownPlane>& planes, const PanoramaGrid& grid,
                                 const LampConfig& config);
