@@ -39,9 +39,9 @@ struct ZKeyInput {
 // more.
 // An actor whose depth is not known stands in front, as in any key without depth.
 // The papers compare depths as they are; the sensor's noise would let the floor flicker through an object's
-// foot, so the room hides CG only where it is nearer by kRoomSigmas of its own noise. And nobody stands behind
-// the room's surface: CG that lies in it as closely (a marble floor, an object's foot) hides no shoe, whatever
-// the noise of the shoe's own depth.
+// foot, so the room hides CG only where it is nearer by kRoomSigmas of its own noise. And nobody stands
+// behind the room's surface: CG that lies in it as closely (a marble floor, an object's foot) hides no shoe,
+// whatever the noise of the shoe's own depth.
 class ZKey {
  public:
   static constexpr float kRoomSigmas = 3.f;
