@@ -4,13 +4,13 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
-#include <random>
 #include <thread>
 
 #include "proto/base/bounded_queue.h"
 #include "proto/base/clock.h"
 #include "proto/base/log.h"
 #include "proto/link/agent_commands.h"
+#include "proto/link/epoch.h"
 
 namespace mixstage {
 namespace {
@@ -18,13 +18,6 @@ namespace {
 constexpr std::size_t kQueuePictures = 8;
 constexpr int kCommandPollMs = 100;
 constexpr std::int64_t kHeadPeriodUs = 20'000;
-
-std::int64_t RandomEpoch() {
-  std::random_device random;
-  std::int64_t epoch = 0;
-  while (epoch == 0) epoch = static_cast<std::int64_t>((std::uint64_t{random()} << 32) | random());
-  return epoch;
-}
 
 TakeList ListOf(Stream stream) {
   switch (stream) {

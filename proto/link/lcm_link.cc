@@ -19,6 +19,7 @@ constexpr const char* kHeadChannel = "MIXSTAGE_HEAD";
 constexpr const char* kHealthChannel = "MIXSTAGE_HEALTH";
 constexpr const char* kCommandChannel = "MIXSTAGE_COMMAND";
 constexpr const char* kScanChannel = "MIXSTAGE_SCAN";
+constexpr const char* kEventChannel = "MIXSTAGE_EVENT";
 constexpr const char* kSelfTestChannel = "MIXSTAGE_SELF_TEST";
 constexpr int kSelfTestTimeoutMs = 1000;
 constexpr int kMaxMessagesPerWait = 4096;  // so that a flood cannot keep HandleFor from returning
@@ -102,6 +103,9 @@ bool LcmLink::Publish(const mixstage_lcm::agent_command_t& m) {
 bool LcmLink::Publish(const mixstage_lcm::scan_progress_t& m) {
   return PublishMessage(state_->lcm, kScanChannel, m);
 }
+bool LcmLink::Publish(const mixstage_lcm::scene_event_t& m) {
+  return PublishMessage(state_->lcm, kEventChannel, m);
+}
 
 void LcmLink::Subscribe(Handlers handlers) {
   State& s = *state_;
@@ -113,6 +117,7 @@ void LcmLink::Subscribe(Handlers handlers) {
   s.Listen<mixstage_lcm::agent_health_t, &Handlers::on_health>(kHealthChannel);
   s.Listen<mixstage_lcm::agent_command_t, &Handlers::on_command>(kCommandChannel);
   s.Listen<mixstage_lcm::scan_progress_t, &Handlers::on_scan>(kScanChannel);
+  s.Listen<mixstage_lcm::scene_event_t, &Handlers::on_event>(kEventChannel);
 }
 
 void LcmLink::HandleFor(int timeout_ms) {

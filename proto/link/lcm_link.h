@@ -11,6 +11,7 @@
 #include <mixstage_lcm/frame_slice_t.hpp>
 #include <mixstage_lcm/head_angles_t.hpp>
 #include <mixstage_lcm/scan_progress_t.hpp>
+#include <mixstage_lcm/scene_event_t.hpp>
 #include <string>
 #include <vector>
 
@@ -37,6 +38,7 @@ class LcmLink {
   bool Publish(const mixstage_lcm::agent_health_t& health);
   bool Publish(const mixstage_lcm::agent_command_t& command);
   bool Publish(const mixstage_lcm::scan_progress_t& progress);
+  bool Publish(const mixstage_lcm::scene_event_t& event);
 
   // Receiving: one thread, which may be another than the publishing one, sets the handlers and then calls
   // HandleFor in a loop. A channel without a handler is not listened to. Messages that LCM cannot decode
@@ -47,6 +49,7 @@ class LcmLink {
     std::function<void(const mixstage_lcm::agent_health_t&)> on_health{};
     std::function<void(const mixstage_lcm::agent_command_t&)> on_command{};
     std::function<void(const mixstage_lcm::scan_progress_t&)> on_scan{};
+    std::function<void(const mixstage_lcm::scene_event_t&)> on_event{};
   };
   void Subscribe(Handlers handlers);
   // Waits up to `timeout_ms` for messages and hands over all that are there.

@@ -7,32 +7,13 @@
 #include <string_view>
 
 #include "proto/base/check.h"
+#include "proto/link/fixed_text.h"
 #include "proto/link/frame_slice.h"
 
 namespace mixstage {
 namespace {
 
 constexpr float kMaxAngle_deg = 1000;
-
-// The beginning that fits into `bytes`, not within a character.
-std::string_view Fitting(std::string_view text, std::size_t bytes) {
-  if (text.size() <= bytes) return text;
-  while (bytes > 0 && (static_cast<unsigned char>(text[bytes]) & 0xC0) == 0x80) --bytes;
-  return text.substr(0, bytes);
-}
-
-template <std::size_t kBytes>
-void Write(std::string_view text, std::uint8_t (&out)[kBytes]) {
-  std::copy(text.begin(), text.end(), std::begin(out));
-}
-
-template <std::size_t kBytes>
-std::string Read(const std::uint8_t (&bytes)[kBytes]) {
-  std::string text(std::begin(bytes), std::find(std::begin(bytes), std::end(bytes), 0));
-  std::replace_if(
-      text.begin(), text.end(), [](unsigned char c) { return (c < ' ' && c != '\n') || c == 0x7F; }, ' ');
-  return text;
-}
 
 bool IsMap(int columns, int rows) {
   return (columns == 0 && rows == 0) || (columns > 0 && rows > 0 && columns * rows <= kMaxSweepCells);
@@ -76,13 +57,13 @@ mixstage_lcm::scan_progress_t ToMessage(const ScanProgress& p) {
                  [](SweepCell cell) { return static_cast<std::uint8_t>(cell); });
   m.coverage = static_cast<float>(p.coverage);
   m.triangles = p.triangles;
-  Write(Fitting(p.text, sizeof m.text), m.text);
+  WriteFixedText(p.text, m.text);
   std::string_view notes = p.notes;
   if (notes.size() > sizeof m.notes) {
     const std::size_t end = notes.rfind('\n', sizeof m.notes);
-    notes = Fitting(notes.substr(0, end), sizeof m.notes);
+    notes = notes.substr(0, end);
   }
-  Write(notes, m.notes);
+  WriteFixedText(notes, m.notes);
   MIX_CHECK(WrongField(m).empty());
   return m;
 }
@@ -103,8 +84,8 @@ Result<ScanProgress> ReadScanProgress(const mixstage_lcm::scan_progress_t& m) {
                  [](std::uint8_t cell) { return static_cast<SweepCell>(cell); });
   p.coverage = m.coverage;
   p.triangles = m.triangles;
-  p.text = Read(m.text);
-  p.notes = Read(m.notes);
+  p.text = ReadFixedText(m.text);
+  p.notes = ReadFixedText(m.notes);
   return p;
 }
 

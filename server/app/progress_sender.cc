@@ -2,8 +2,9 @@
 #include "server/app/progress_sender.h"
 
 #include <chrono>
-#include <random>
 #include <utility>
+
+#include "proto/link/epoch.h"
 
 namespace mixstage {
 namespace {
@@ -11,11 +12,6 @@ namespace {
 constexpr auto kPeriod = std::chrono::milliseconds(500);
 constexpr int kLastTimes = 3;
 constexpr auto kLastPause = std::chrono::milliseconds(100);  // longer than a burst of loss
-
-std::int64_t RandomEpoch() {
-  std::random_device random;
-  return static_cast<std::int64_t>((std::uint64_t{random()} << 32 | random()) | 1);
-}
 
 }  // namespace
 

@@ -136,7 +136,10 @@ void LiveShow::RunFrames() {
       if (auto scene = director_->TakeScene()) studio_.SetScene(std::move(scene));
     }
     studio_.Run(*frame, times_);
-    if (osc_) std::ranges::for_each(frame->events, [&](const PhysicsEvent& event) { osc_->Send(event); });
+    for (const PhysicsEvent& event : frame->events) {
+      events_.Send(event, *link_);
+      if (osc_) osc_->Send(event);
+    }
     if (director_ != nullptr) {
       director_->SeeRoom(studio_.view_room(), frame->T_world_view);
       if (auto moved = studio_.TakeMoved(); !moved.empty()) director_->SeeMoved(std::move(moved));

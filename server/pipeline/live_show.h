@@ -16,6 +16,7 @@
 #include "server/ingest/live_ingest.h"
 #include "server/pipeline/broadcast.h"
 #include "server/pipeline/director.h"
+#include "server/pipeline/event_sender.h"
 #include "server/pipeline/mesh_broadcast.h"
 #include "server/pipeline/studio.h"
 
@@ -89,6 +90,7 @@ class LiveShow {
   std::shared_ptr<const DepthPicture> meshed_depth_;
   LiveIngest ingest_;
   CommandSender commands_;
+  EventSender events_;                                  // of the frame thread
   std::atomic<int> parity_thousandths_ = -1;            // -1: agents keep their own
   std::int64_t epochs_greeted_ = 0, greet_due_us_ = 0;  // of the ingest thread
   StageTimes times_;

@@ -30,6 +30,21 @@ TEST(LcmLink, APictureCrossesInsideTheProcess) {
   EXPECT_EQ(received[0].bytes, frame.bytes);
 }
 
+TEST(LcmLink, AnEventOfTheSceneIsHeard) {
+  auto link = LcmLink::Create("memq://");
+  ASSERT_TRUE(link) << link.error().message;
+  int heard = 0;
+  (*link)->Subscribe({.on_event = [&](const mixstage_lcm::scene_event_t& event) {
+    ++heard;
+    EXPECT_EQ(event.sequence, 5);
+  }});
+  mixstage_lcm::scene_event_t event{};
+  event.sequence = 5;
+  EXPECT_TRUE((*link)->Publish(event));
+  (*link)->HandleFor(100);
+  EXPECT_EQ(heard, 1);
+}
+
 TEST(LcmLink, AWrongUrlNamesTheFix) {
   auto link = LcmLink::Create("nonsense://here");
   ASSERT_FALSE(link);
@@ -41,6 +56,7 @@ TEST(LcmLink, AMessageOfOurTypesIsOneDatagram) {
   EXPECT_LE(mixstage_lcm::agent_health_t{}.getEncodedSize(), 1400);
   EXPECT_LE(mixstage_lcm::agent_command_t{}.getEncodedSize(), 1400);
   EXPECT_EQ(mixstage_lcm::scan_progress_t{}.getEncodedSize(), 1185);
+  EXPECT_EQ(mixstage_lcm::scene_event_t{}.getEncodedSize(), 357);
 }
 
 }  // namespace
