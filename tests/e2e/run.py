@@ -375,7 +375,19 @@ objects:
         assert abs(fall_s - (2 * 0.9 / 9.81) ** 0.5) < 0.1, fall_s
 
 
-def a_live_drop_is_seen_by_viewers_and_a_desk():
+def listener(lcm):
+    """A socket that hears what is said on an LCM network."""
+    group, port = lcm.split("//")[1].split("?")[0].split(":")
+    s = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    s.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    s.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8 << 20)
+    s.bind((group, int(port)))
+    s.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, socket.inet_aton(group) + socket.inet_aton("0.0.0.0"))
+    s.settimeout(5)
+    return s
+
+
+def a_live_drop_is_seen_by_viewers_a_desk_and_the_rigs_network():
     with tempfile.TemporaryDirectory() as folder, Studio(BUILD) as studio, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as desk:
         folder = pathlib.Path(folder)
         for name in ("scene.yaml", "sculpture.glb", "amphora.glb"):
@@ -388,11 +400,16 @@ def a_live_drop_is_seen_by_viewers_and_a_desk():
         studio.wait_until_live()
         anna = Viewer(studio.port)
         x, y, _ = before = anna.scene["objects"][1]["base"]
+        network = listener(studio.lcm)
         anna.edit("move", object=2, position=[x, y, 0.8])
         anna.edit("drop", object=2)
         anna.wait("scene", lambda m: m["objects"][1]["base"][2] > 0.7)
         anna.wait("scene", lambda m: abs(m["objects"][1]["base"][2]) < 0.02)
         assert desk.recv(2000).startswith(b"/mixstage/touch\0,ssfffffff\0\0amphora\0")
+        # SPEC 2.8 behind LCM's short header: magic, sequence, channel.
+        head = b"MIXSTAGE_EVENT\0"
+        said = next(d[8 + len(head):] for d in iter(lambda: network.recv(2000), None) if d[8:].startswith(head))
+        assert len(said) == 357 and said[32] == 1 and said[33:37] == (2).to_bytes(4, "big") and said[69:77] == b"amphora\0", said
         anna.edit("save")
         anna.wait("scene", lambda m: not m["unsaved"])
         assert "drop: true" in (folder / "scene.yaml").read_text()
@@ -400,6 +417,44 @@ def a_live_drop_is_seen_by_viewers_and_a_desk():
         anna.edit("undo")
         back = anna.wait("scene", lambda m: not m["can_undo"])
         assert back["objects"][1]["base"] == before, back["objects"][1]
+
+
+def a_storm_of_edits_holds_nobody_up():
+    with tempfile.TemporaryDirectory() as folder, Studio(BUILD) as studio:
+        folder = pathlib.Path(folder)
+        for name in ("scene.yaml", "sculpture.glb", "amphora.glb"):
+            shutil.copy(DEMO / name, folder)
+        server = studio.server(scene=folder / "scene.yaml")
+        studio.agent()
+        studio.wait_until_live()
+        anna = Viewer(studio.port)
+        x, y, z = anna.scene["objects"][1]["base"]
+        before = studio.metrics()
+        begun = time.monotonic()
+        for i in range(285):  # as many as a director may send: 95 a second
+            anna.edit("move", object=2, position=[x, y - 0.002 * i, z])
+            time.sleep(max(0, begun + i / 95 - time.monotonic()))
+        took = time.monotonic() - begun
+        last = anna.wait("scene", lambda m: abs(m["objects"][1]["base"][1] - (y - 0.568)) < 1e-3)
+        frames = studio.metrics()["mixstage_frames_total"] - before["mixstage_frames_total"]
+        assert frames > 5 * took, f"{frames} pictures in {took:.1f} s"
+        for _ in range(200):  # undo remembers 200 of them
+            anna.edit("undo")
+            time.sleep(1 / 95)
+        back = anna.wait("scene", lambda m: not m["can_undo"])
+        assert abs(back["objects"][1]["base"][1] - (y - 0.168)) < 1e-3, back["objects"][1]["base"]
+        assert last["edits"] == 285 and back["edits"] == 485 and server.poll() is None
+        return f"{frames / took:.0f} fps meanwhile"
+
+
+def a_scene_of_a_thousand_objects_is_refused_in_one_line():
+    with tempfile.TemporaryDirectory() as folder:
+        folder = pathlib.Path(folder)
+        shutil.copy(DEMO / "amphora.glb", folder)
+        (folder / "scene.yaml").write_text("version: 1\nobjects:\n" + "".join(
+            f"  - {{name: a{i}, file: amphora.glb, position: [{i}, 0, 0]}}\n" for i in range(1000)))
+        done = subprocess.run([BUILD / "mixstage-server", "check", "--scene", folder / "scene.yaml"], capture_output=True, text=True, timeout=20)
+        assert done.returncode == 2 and done.stderr.count("\n") == 1 and "more than 256" in done.stderr, done
 
 
 def without_a_scene_an_edit_is_refused():
@@ -602,7 +657,8 @@ TESTS = [help_and_version_answer_everywhere, wrong_use_is_one_line_and_exit_2, l
          the_order_of_starting_does_not_matter, a_killed_agent_comes_back, a_killed_server_comes_back_and_the_viewer_reconnects,
          stalled_and_rude_viewers_disturb_nobody, a_foreign_page_is_refused,
          strangers_log_in_by_tls_and_go_when_revoked, two_directors_edit_one_scene, a_dropped_object_lands_on_the_floor,
-         a_live_drop_is_seen_by_viewers_and_a_desk,
+         a_live_drop_is_seen_by_viewers_a_desk_and_the_rigs_network,
+         a_storm_of_edits_holds_nobody_up, a_scene_of_a_thousand_objects_is_refused_in_one_line,
          without_a_scene_an_edit_is_refused,
          hostile_datagrams_do_not_disturb_the_show, sigterm_ends_cleanly, no_server_never_blocks_the_agent,
          metrics_and_health_tell_the_truth, a_killed_server_leaves_a_take_that_plays,
