@@ -15,6 +15,8 @@ export type EditOp =
   | { op: 'delete'; object: number }
   | { op: 'hide'; object: number; hidden: boolean }
   | { op: 'light'; light: number; position?: Vector3; color?: Vector3; intensity?: number }
+  /** `turn_deg` is what it is from now on. */
+  | { op: 'avatar'; position?: Vector3; turn_deg?: number }
   | { op: 'undo' }
   | { op: 'redo' }
   | { op: 'save' };

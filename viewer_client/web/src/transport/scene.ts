@@ -7,6 +7,7 @@ import {
   idAt,
   numberAt,
   numbersAt,
+  recordOf,
   recordsAt,
   textAt,
   textsAt,
@@ -47,6 +48,14 @@ export interface SceneLight {
   intensity: number;
 }
 
+/** SPEC 7: the actor in another space. */
+export interface SceneAvatar {
+  /** Where `anchor` of his own floor lies in the scene, metres. */
+  position: Vector3;
+  /** About up, through it. */
+  turn_deg: number;
+}
+
 /** SPEC 4.5: what stands in the show beside room and actor. */
 export interface Scene {
   revision: number;
@@ -61,6 +70,7 @@ export interface Scene {
   edits: number;
   objects: SceneObject[];
   lights: SceneLight[];
+  avatar?: SceneAvatar;
   /** Files that may be added. */
   models: string[];
 }
@@ -102,6 +112,10 @@ function upOf(record: JsonRecord): Vector3 {
   return up;
 }
 
+function avatarOf(record: JsonRecord): SceneAvatar {
+  return { position: vectorAt(record, 'position'), turn_deg: numberAt(record, 'turn_deg') };
+}
+
 /** Throws `FieldError` naming the field. */
 export function sceneOf(record: JsonRecord): Scene {
   return {
@@ -116,5 +130,6 @@ export function sceneOf(record: JsonRecord): Scene {
     objects: recordsAt(record, 'objects').map(objectOf),
     lights: recordsAt(record, 'lights').map(lightOf),
     models: textsAt(record, 'models'),
+    ...('avatar' in record ? { avatar: avatarOf(recordOf(record['avatar'], 'avatar')) } : {}),
   };
 }

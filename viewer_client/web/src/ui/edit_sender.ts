@@ -7,7 +7,8 @@ const kMostId = 2 ** 31 - 1;
 
 function sameTarget(a: EditOp, b: EditOp): boolean {
   if (a.op === 'move') return b.op === 'move' && a.object === b.object;
-  return a.op === 'light' && b.op === 'light' && a.light === b.light;
+  if (a.op === 'light') return b.op === 'light' && a.light === b.light;
+  return a.op === 'avatar' && b.op === 'avatar';
 }
 
 /** Numbers edits, and sends what a hand does in the middle of a drag no oftener than the server wants to hear it. */

@@ -205,6 +205,16 @@ describe('the editor', () => {
     );
   });
 
+  it('moves the actor who stands elsewhere by keys', () => {
+    editor.nudgeAvatar({ right: 0.25, away: 0, up: 0 });
+    expect(sent).toEqual([]);
+    editor.setScene({ ...kScene, avatar: { position: [1, 2, 0], turn_deg: 0 } });
+    editor.nudgeAvatar({ right: 0.25, away: 0, up: 0 });
+    now_ms += 100;
+    editor.nudgeAvatar({ right: 0, away: 0.25, up: 0 });
+    expect(sent.at(-1)).toMatchObject({ op: 'avatar', position: [1.25, 1.75, 0] });
+  });
+
   it('leads what is selected by the hand while the pose is not known', () => {
     editor.forget();
     editor.setScene(kScene);

@@ -44,6 +44,13 @@ interface Drag {
   last: EditOp | null;
 }
 
+interface Led {
+  what: 'object' | 'light' | 'avatar';
+  id: number;
+  position: Vector3;
+  at_ms: number;
+}
+
 // What moves less than this is a click.
 const kDragFrom_px = 4;
 // A change that comes so soon after an own edit is its echo.
@@ -65,7 +72,7 @@ export class Editor {
   #placing: Placing | null = null;
   #drag: Drag | null = null;
   /** Where the last key led something. */
-  #led: { what: 'object' | 'light'; id: number; position: Vector3; at_ms: number } | null = null;
+  #led: Led | null = null;
 
   constructor(sender: EditSender, handlers: EditorHandlers, now = (): number => performance.now()) {
     this.#sender = sender;
@@ -185,6 +192,15 @@ export class Editor {
     });
   }
 
+  /** Moves the actor who stands in another space. */
+  nudgeAvatar({ right, away, up }: Step): void {
+    const scene = this.#scene;
+    const avatar = scene?.avatar;
+    if (scene === null || avatar === undefined) return;
+    const step = add(this.#step(right, away), scale(scene.up, up));
+    this.#lead('avatar', 0, (last) => add(last ?? avatar.position, step));
+  }
+
   /** A press into the program at a pixel of the picture. Says whether the pointer now drags. */
   pressProgram(u: number, v: number): boolean {
     const placing = this.#placing;
@@ -296,15 +312,18 @@ export class Editor {
   }
 
   /** `to`: where something goes from where the last key led it; null: from where it is. */
-  #lead(what: 'object' | 'light', id: number, to: (last: Vector3 | null) => Vector3): void {
+  #lead(what: Led['what'], id: number, to: (last: Vector3 | null) => Vector3): void {
     if (!this.may_edit) return;
     const [led, at_ms] = [this.#led, this.#now()];
     const goes_on = led?.what === what && led.id === id && at_ms - led.at_ms < kSteps_ms;
     const position = to(goes_on ? led.position : null);
     this.#led = { what, id, position, at_ms };
-    this.#sender.lead(
-      what === 'object' ? { op: 'move', object: id, position } : { op: 'light', light: id, position },
-    );
+    const ops = {
+      object: { op: 'move', object: id, position },
+      light: { op: 'light', light: id, position },
+      avatar: { op: 'avatar', position },
+    } as const;
+    this.#sender.lead(ops[what]);
   }
 
   /** A horizontal step, right of and away from the camera. */

@@ -90,7 +90,7 @@ export class Page {
   readonly #freeze_button: HTMLButtonElement;
   readonly #matte_controls = new MatteControls((mode) => this.#setMode(mode));
   readonly #scene = new SceneSection(this.#editor);
-  readonly #rail = new Rail((pane) => this.#togglePane(pane), this.#scene.root, this.#scene.lights_root);
+  readonly #rail = new Rail((pane) => this.#togglePane(pane), this.#scene.root, this.#scene.parts);
   readonly #details = new DetailsPanel();
   readonly #help: HelpDialog;
   readonly #visible = new Set<PaneName>(kPaneNames);

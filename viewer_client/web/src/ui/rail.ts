@@ -36,7 +36,7 @@ export class Rail {
 
   readonly #recording = el('span', { class: 'recording', testid: 'recording' });
 
-  constructor(onToggle: (pane: PaneName) => void, scene: HTMLElement, lights: HTMLElement) {
+  constructor(onToggle: (pane: PaneName) => void, scene: HTMLElement, parts: readonly HTMLElement[]) {
     this.#recording.hidden = true;
     const toggles = kPaneNames.map((pane, index) => {
       const button = el(
@@ -63,7 +63,7 @@ export class Rail {
         el(
           'div',
           { class: 'rail-column' },
-          lights,
+          ...parts,
           el(
             'section',
             { class: 'rail-part' },

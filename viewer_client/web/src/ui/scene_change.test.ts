@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 import { describe, expect, it } from 'vitest';
-import type { Scene, SceneLight, SceneObject } from '../transport/scene';
+import type { Scene, SceneAvatar, SceneLight, SceneObject } from '../transport/scene';
 import { changeOf } from './scene_change';
 
 const kStatue: SceneObject = {
@@ -37,6 +37,8 @@ const kScene: Scene = {
   models: [],
 };
 
+const kAvatar: SceneAvatar = { position: [1, 0, 0], turn_deg: 0 };
+
 function withStatue(part: Partial<SceneObject>): Scene {
   return { ...kScene, objects: [{ ...kStatue, ...part }] };
 }
@@ -53,10 +55,11 @@ describe('a change of the scene', () => {
     ['removed statue', { ...kScene, objects: [] }],
     ['changed lamp', { ...kScene, lights: [{ ...kLamp, intensity: 2 }] }],
     ['moved lamp', { ...kScene, lights: [{ ...kLamp, position: [1, 0, 2] }] }],
+    ['turned the actor', { ...kScene, avatar: { position: [1, 0, 0], turn_deg: 30 } }],
     ['changed 2 things', { ...withStatue({ hidden: true }), lights: [{ ...kLamp, intensity: 2 }] }],
     [null, { ...kScene, revision: 2, can_undo: true }],
   ] as [string | null, Scene][])('is said as: %s', (sentence, after) =>
-    expect(changeOf(kScene, { ...after, edits: 1 })).toBe(sentence),
+    expect(changeOf({ ...kScene, avatar: kAvatar }, { avatar: kAvatar, ...after, edits: 1 })).toBe(sentence),
   );
 
   it('knows saving and showing', () => {

@@ -38,6 +38,11 @@ export function changeOf(before: Scene, after: Scene): string | null {
     const change = old === undefined ? null : ofLight(old, light);
     if (change !== null) done.push(change);
   }
+  const [was, is] = [before.avatar, after.avatar];
+  if (was !== undefined && is !== undefined) {
+    if (differs(was.position, is.position)) done.push('moved the actor');
+    else if (was.turn_deg !== is.turn_deg) done.push('turned the actor');
+  }
   if (done.length === 0) return saved;
   return done.length === 1 ? (done[0] ?? null) : `changed ${done.length} things`;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 import type { Scene, SceneObject } from '../transport/scene';
 import { AddMenu } from './add_menu';
+import { AvatarRow } from './avatar_row';
 import { el, setText } from './dom';
 import type { Editor } from './editor';
 import { icon } from './icons';
@@ -21,10 +22,12 @@ interface Row {
 /** The scene in the rail: its objects, its lights, what may be added; undo, redo, save. A viewer sees no handles. */
 export class SceneSection {
   readonly root: HTMLElement;
-  readonly lights_root: HTMLElement;
+  /** What goes with it: lights, the actor elsewhere. */
+  readonly parts: readonly HTMLElement[];
   readonly #editor: Editor;
   readonly #add: AddMenu;
   readonly #lights: LightList;
+  readonly #avatar: AvatarRow;
   readonly #list = el('ul', { class: 'objects', testid: 'objects' });
   readonly #empty = el('p', { class: 'quiet' });
   readonly #tools: HTMLElement;
@@ -49,7 +52,8 @@ export class SceneSection {
     this.#editor = editor;
     this.#add = new AddMenu((file) => editor.place({ what: 'add', file }));
     this.#lights = new LightList(editor);
-    this.lights_root = this.#lights.root;
+    this.#avatar = new AvatarRow(editor);
+    this.parts = [this.#lights.root, this.#avatar.root];
     this.#undo.addEventListener('click', () => editor.do({ op: 'undo' }));
     this.#redo.addEventListener('click', () => editor.do({ op: 'redo' }));
     this.#save.addEventListener('click', () => editor.do({ op: 'save' }));
@@ -80,6 +84,7 @@ export class SceneSection {
     const nothing = may_edit ? 'Nothing virtual yet: add an object.' : 'Nothing virtual is in the picture.';
     setText(this.#empty, scene === null ? 'Waiting for the scene...' : nothing);
     this.#lights.update();
+    this.#avatar.update();
     if (scene === null) return this.#showRows([]);
     this.#add.setModels(scene.models);
     this.#add.setPlacing(placing?.what === 'add');
