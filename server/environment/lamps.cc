@@ -10,6 +10,8 @@
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 
+#include "proto/base/text.h"
+
 namespace mixstage {
 namespace {
 
@@ -425,13 +427,19 @@ std::vector<RoomLamp> FindLamps(const cv::Mat4b& color, const DenseSurface& dens
     radiance[static_cast<std::size_t>(k)] =
         SolveRadiance(shades, of_planes, lamps.size(), [k](const Eigen::Array3d& v) { return v[k]; },
                       {all, kColorDeviation});
+  // What shines no brighter than it was clipped at is a bright thing: nothing around needs its light.
+  constexpr double kOwnLight = 1.1;
+  std::vector<RoomLamp> shining;
   for (std::size_t l = 0; l < lamps.size(); ++l) {
     const auto i = static_cast<Eigen::Index>(l);
     const Eigen::Vector3d rgb(std::exp(radiance[2][i]), std::exp(radiance[1][i]), std::exp(radiance[0][i]));
-    lamps[l].intensity = rgb.maxCoeff();
-    lamps[l].color = rgb / rgb.maxCoeff();
+    if (rgb.maxCoeff() < kOwnLight) continue;
+    shining.push_back(lamps[l]);
+    shining.back().name = Text("lamp_%zu", shining.size());
+    shining.back().intensity = rgb.maxCoeff();
+    shining.back().color = rgb / rgb.maxCoeff();
   }
-  return lamps;
+  return shining;
 }
 
 }  // namespace mixstage

@@ -14,6 +14,7 @@
 #include "server/environment/depth_fusion.h"
 #include "server/environment/lamps.h"
 #include "server/environment/moved_things.h"
+#include "server/environment/pose_order.h"
 #include "server/environment/range_view.h"
 #include "server/environment/registration.h"
 #include "server/environment/room_planes.h"
@@ -354,6 +355,18 @@ Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<
   for (const LoadedView& v : views) poses.push_back(v.listed.T_world_color);
   const bool pan_tilt = sweep->poses == Sweep::Poses::kPanTilt;
   if (!pan_tilt) Upright(poses);
+  std::vector<OrderedView> ordered;
+  for (std::size_t i = 0; i < views.size(); ++i) ordered.push_back({views[i].bgr, &views[i].range, poses[i]});
+  if (const int late = PosesLate(ordered, range_camera, rig.color); late != 0) {
+    return Fail(
+        ErrorCode::kQualityGate,
+        Text("%s: the %s are out of step with the pictures, %d view%s too %s: with the pose of view %s "
+             "for view %s, and so on, the views agree",
+             take.folder.string().c_str(), pan_tilt ? "head's angles (ptu.txt)" : "poses", std::abs(late),
+             std::abs(late) == 1 ? "" : "s", late > 0 ? "late" : "early",
+             views[static_cast<std::size_t>(std::max(late, 0))].listed.name.c_str(),
+             views[static_cast<std::size_t>(std::max(-late, 0))].listed.name.c_str()));
+  }
   const Layout draft_layout(rig.color, poses, range_camera);
   Surface surface = BuildSurface(views, poses, range_camera, draft_layout);
   if (std::none_of(surface.nodes.plane.begin(), surface.nodes.plane.end(),

@@ -112,6 +112,17 @@ def a_view_whose_encoder_is_a_degree_off_is_placed_by_its_pictures():
     return f'{told[0]["reason"]}; poses {turn:.4f} deg {shift:.2f} mm'
 
 
+def poses_out_of_step_with_the_pictures_are_named():
+    """Every view has the angles of the one before it."""
+    views = copy_of_the_sweep("late")
+    rows = [line.split() for line in (views / "ptu.txt").read_text().splitlines() if not line.startswith("#")]
+    late = [[row[0], *rows[max(0, i - 1)][1:]] for i, row in enumerate(rows)]
+    (views / "ptu.txt").write_text("".join(" ".join(row) + "\n" for row in late))
+    stderr = scan(views, TRUE_RIG, "late", 4).stderr
+    assert "out of step" in stderr and "1 view too late" in stderr, stderr
+    return stderr.strip().splitlines()[-1][-90:]
+
+
 def damaged_pictures_are_left_out_by_name():
     views = copy_of_the_sweep("damaged")
     for name, keep in (("rgb/0003.jpg", 4000), ("depth/0017_1.png", 2000)):
@@ -140,7 +151,7 @@ def a_hand_held_sequence_with_poses_is_scanned():
 
 
 TESTS = [a_photoreal_studio_is_scanned_to_millimetres, a_view_whose_encoder_is_a_degree_off_is_placed_by_its_pictures,
-         damaged_pictures_are_left_out_by_name, a_sweep_without_what_a_scan_needs_is_refused_in_one_line,
+         poses_out_of_step_with_the_pictures_are_named, damaged_pictures_are_left_out_by_name, a_sweep_without_what_a_scan_needs_is_refused_in_one_line,
          a_hand_held_sequence_with_poses_is_scanned]
 
 if __name__ == "__main__":
