@@ -23,8 +23,8 @@ struct LampConfig {
 // on its surface. Radiance by robust least squares on the room's large planes, where all lamps shine freely:
 // log radiance(x) = log albedo + log(around(x) + sum of the lamps' form factors x radiance). The albedo of a
 // plane is unknown; around is what the panorama's other surfaces send to x (interreflection, one bounce as
-// measured), which fixes the unit: the picture's. What
-// needs no light of its own is left out.
+// measured), which fixes the unit: the picture's. What needs no light
+// of its own is left out.
 std::vector<RoomLamp> FindLamps(const cv::Mat4b& color, const DenseSurface& dense, const SurfaceNodes& nodes,
                                 const std::vector<GrownPlane>& planes, const PanoramaGrid& grid,
                                 const LampConfig& config);
