@@ -174,6 +174,7 @@ Result<ServerMessage> ParseStats(const JsonFields& fields) {
   read.List("stages", 64, &stages);
   read.List("agents", 64, &agents);
   read.Double("depth_age_s", &stats.depth_age_s);
+  if (read.Has("depth_clock_ms")) read.Double("depth_clock_ms", &stats.depth_clock_ms.emplace());
   read.Object("recording", &recording);
   const Json* contacts = nullptr;
   if (read.Has("contacts")) read.List("contacts", kMaxStatsContacts, &contacts);
@@ -343,6 +344,7 @@ std::string ToJson(const WatchStats& stats) {
                 {{"active", stats.recording.active},
                  {"seconds", Finite(stats.recording.seconds)},
                  {"dropped", stats.recording.dropped}}}};
+  if (stats.depth_clock_ms) json["depth_clock_ms"] = Finite(*stats.depth_clock_ms);
   for (const WatchContact& contact : stats.contacts) {
     json["contacts"].push_back({{"age_s", Finite(contact.age_s)},
                                 {"event", contact.event},

@@ -117,6 +117,8 @@ struct WatchStats {
   std::vector<WatchStage> stages{};
   std::vector<WatchAgent> agents{};
   double depth_age_s = 0;
+  std::optional<double>
+      depth_clock_ms{};  // added to depth's times by what the show tells; nothing: not known yet
   WatchRecording recording{};
   std::vector<WatchContact> contacts{};  // of the last 10 s, the newest first, at most kMaxStatsContacts
   std::optional<WatchScan> scan{};       // nothing while no scan has been heard of for a minute

@@ -179,6 +179,7 @@ struct Totals {
   std::int64_t export_cpu_us = 0;
   std::map<std::string, std::int64_t> drops;
   std::vector<std::string> warnings;
+  Json depth_clock;  // null: not enough moved
 };
 
 std::string Report(const Totals& t, const StageTimes& times, const std::string& room,
@@ -205,6 +206,7 @@ std::string Report(const Totals& t, const StageTimes& times, const std::string& 
   total["export_core_ms_per_frame"] =
       t.frames > 0 ? Json(static_cast<double>(t.export_cpu_us) * 1e-3 / t.frames) : Json(nullptr);
   report["drops"] = Json(t.drops);
+  report["depth_clock"] = t.depth_clock;
   report["room"] = room;
   report["warnings"] = Json(t.warnings);
   report["versions"] = {{"mixstage", kVersion}, {"opencv", CV_VERSION}, {"renderer", renderer}};
@@ -384,6 +386,11 @@ Result<std::string> RunProcess(const ProcessOptions& options) {
   if (studio->unusable_depths() > 0) totals.drops["depth_size_not_rig"] = studio->unusable_depths();
   if (totals.frames == 0)
     return Fail(ErrorCode::kBadInput, options.take.string() + ": no colour picture could be used");
+  if (const auto& clock = studio->depth_clock()) {
+    totals.depth_clock = {{"offset_ms", 1e3 * clock->offset_s},
+                          {"sigma_ms", 1e3 * clock->sigma_s},
+                          {"applied_ms", 1e-3 * static_cast<double>(studio->depth_clock_applied_us())}};
+  }
   const std::string report = Report(totals, times, room_is, studio->renderer());
   if (auto ok = exporter->Finish(report); !ok) return tl::unexpected(ok.error());
   return report;

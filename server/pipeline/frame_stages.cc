@@ -81,6 +81,8 @@ constexpr auto kInfos = [] {
 constexpr double kRestDeg = 0.03;
 // A room that was predicted anew is one to show to others when the camera has stood for so many frames.
 constexpr int kStandingFrames = 15;
+// Between the clocks of depth and colour: a walking actor moves by 3 mm.
+constexpr double kClockIsGood_s = 0.002;
 // A camera that stands looks at the room so often to see it more sharply than the scan did.
 constexpr std::int64_t kRefineUs = 400'000;
 
@@ -429,11 +431,32 @@ bool Studio::LearnStanding(const CapturedFrame& captured) {
   HalfRgb(captured.color, &half_);
   frame.D = WarpDepth(captured);
   if (captured.depth)
-    frame.depth_age_s =
-        std::max(0.0, static_cast<double>(captured.capture_us - captured.depth->capture_us) * 1e-6);
+    frame.depth_age_s = static_cast<double>(captured.capture_us - DepthTime(captured)) * 1e-6;
   refine_due_us_ = captured.capture_us;
   FrameStages::KeyActor(*this, frame);
   return true;
+}
+
+std::int64_t Studio::DepthTime(const CapturedFrame& captured) const {
+  return std::min(captured.depth->capture_us + depth_clock_us_, captured.capture_us);
+}
+
+void Studio::JudgeClock(const Frame& frame) {
+  const CapturedFrame& captured = *frame.captured;
+  if (frame.T_world_color.matrix() != clock_pose_.matrix()) clock_offset_.Forget();
+  clock_pose_ = frame.T_world_color;
+  const bool usable = captured.depth && warped_ == captured.depth;
+  clock_offset_.See(key_->half_mask(), captured.capture_us,
+                    usable ? View(std::as_const(D_)) : ImageView<const float>(),
+                    usable ? captured.depth->capture_us : 0, *room_);
+  const auto& found = clock_offset_.estimate();
+  if (!found) return;
+  const double off_s = found->offset_s - static_cast<double>(depth_clock_us_) * 1e-6;
+  if (std::abs(off_s) <= std::max(kClockIsGood_s, 2 * found->sigma_s)) return;
+  depth_clock_us_ = std::llround(found->offset_s * 1e6);
+  clock_offset_.Restart();
+  spdlog::warn("depth clock off_ms={:.1f} sigma_ms={:.1f}: its times are moved by that",
+               1e3 * found->offset_s, 1e3 * found->sigma_s);
 }
 
 std::shared_ptr<const BackgroundModel> Studio::standing_room() const {
@@ -462,8 +485,7 @@ void FrameStages::MoveDepth(Studio& s, Frame& f) {
   if (f.D.empty()) return;
   StandingRoom room;
   if (s.room_ && s.room_->has_depth()) room = {View(s.room_->room_depth_m), View(s.room_->sigma_m)};
-  f.depth_age_s =
-      s.depth_motion_.Run(View(std::as_const(f.D)), captured.depth->capture_us, room, &s.moved_D_);
+  f.depth_age_s = s.depth_motion_.Run(View(std::as_const(f.D)), s.DepthTime(captured), room, &s.moved_D_);
   f.D = s.moved_D_;
 }
 
@@ -493,6 +515,7 @@ void FrameStages::KeyActor(Studio& s, Frame& f) {
   s.key_->Run(*s.room_, View(f.captured->color.y), s.half_, View(std::as_const(f.D)),
               static_cast<float>(f.depth_age_s), View(f.label), View(f.alpha),
               s.regions_ ? &*s.regions_ : nullptr);
+  s.JudgeClock(f);
   if (s.room_view_ && !s.refined_.complete() && f.captured->capture_us >= s.refine_due_us_) {
     s.refine_due_us_ = f.captured->capture_us + kRefineUs;
     s.refined_.Add(s.half_, s.key_->tone(), s.key_->half_mask(), View(std::as_const(f.label)));
@@ -507,7 +530,7 @@ void FrameStages::ShapeActor(Studio& s, Frame& f) {
   DepthInstant instant;
   if (const DepthPicture* depth = f.captured->depth.get()) {
     instant.measured_us = depth->capture_us;
-    instant.age_s = std::max(0.0, static_cast<double>(f.captured->capture_us - depth->capture_us) * 1e-6);
+    instant.age_s = static_cast<double>(f.captured->capture_us - s.DepthTime(*f.captured)) * 1e-6;
   }
   s.actor_surface_->Run(s.key_->half_mask(), View(std::as_const(f.D)), *s.room_, instant);
   f.actor_depth_m = s.actor_surface_->depth_m();

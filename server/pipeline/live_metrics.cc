@@ -35,6 +35,9 @@ std::string LiveShow::MetricsText() const {
   gauge("mixstage_latency_seconds_p99", "Capture to encoded over the last 10 s, 99th percentile",
         stats.latency_p99_ms * 1e-3);
   gauge("mixstage_depth_age_seconds", "Since the last depth picture", stats.depth_age_s);
+  if (stats.depth_clock_ms)
+    gauge("mixstage_depth_clock_offset_seconds",
+          "Added to the times of depth pictures, by what the show tells", *stats.depth_clock_ms * 1e-3);
   gauge("mixstage_recording", "1 while what arrives is recorded", stats.recording.active);
   counter("mixstage_recording_dropped_total", "Pictures that the recording lacks")
       .Add({})

@@ -148,6 +148,8 @@ void LiveShow::RunFrames() {
       const std::lock_guard lock(mutex_);
       if (studio_.scene()) scene_revision_ = studio_.scene()->revision;
       room_state_ = studio_.room_state();
+      if (studio_.depth_clock())
+        depth_clock_ms_ = 1e-3 * static_cast<double>(studio_.depth_clock_applied_us());
       T_scene_color_ = studio_.TSceneColor(*frame);
       for (const PhysicsEvent& event : frame->events) {
         contacts_.push_front(event);
@@ -235,6 +237,7 @@ WatchStats LiveShow::Stats() const {
   {
     const std::lock_guard lock(mutex_);
     room_state = room_state_;
+    stats.depth_clock_ms = depth_clock_ms_;
     stats.frames = static_cast<std::uint64_t>(frames_);
     for (const auto& [reason, count] : drops_) stats.drops[reason] += static_cast<std::uint64_t>(count);
     std::vector<float> latency_ms;

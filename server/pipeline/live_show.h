@@ -105,6 +105,7 @@ class LiveShow {
   std::map<std::string, std::int64_t> drops_;
   std::deque<PhysicsEvent> contacts_;  // the newest first, at most kMaxStatsContacts
   RoomState room_state_ = RoomState::kLearning;
+  std::optional<double> depth_clock_ms_;         // what is added to depth's times
   std::optional<RigidTransform> T_scene_color_;  // of the last frame
   std::uint64_t scene_revision_ = 0;             // of the scene that the last frame showed; 0 = none
   std::string failure_;

@@ -28,6 +28,7 @@
 #include "server/scene/edit_change.h"
 #include "server/scene/scene.h"
 #include "server/segmentation/actor_surface.h"
+#include "server/segmentation/clock_offset.h"
 #include "server/segmentation/key.h"
 #include "server/segmentation/predicted_background.h"
 #include "server/segmentation/refined_background.h"
@@ -115,6 +116,12 @@ class Studio {
   // The back end in force, for people; any thread.
   [[nodiscard]] const std::string& renderer() const { return renderer_name_; }
   [[nodiscard]] RoomState room_state() const { return room_state_; }
+  // By how much depth's clock differs from colour's, as the show tells; nothing until enough has moved.
+  [[nodiscard]] const std::optional<ClockOffset::Estimate>& depth_clock() const {
+    return clock_offset_.estimate();
+  }
+  // What is added to depth's times because of it.
+  [[nodiscard]] std::int64_t depth_clock_applied_us() const { return depth_clock_us_; }
   // Depth pictures that could not be warped (their size is not the rig's).
   [[nodiscard]] std::int64_t unusable_depths() const { return unusable_depths_; }
 
@@ -125,6 +132,9 @@ class Studio {
   [[nodiscard]] RigidTransform PoseOf(const CapturedFrame& captured);
   // elsewhere: AvatarSetup::room, or null.
   Status OpenAvatar(AvatarSetup setup, const ScannedRoom* elsewhere);
+  // When its depth was measured, by the clock of colour and never after it; it must have one.
+  [[nodiscard]] std::int64_t DepthTime(const CapturedFrame& captured) const;
+  void JudgeClock(const Frame& frame);
   void PredictRoom(const RoomPrediction& prediction);
   void UseDepth(const RoomPrediction& prediction);
   void StartPhysics(const RigidTransform& T_scene_color, const RigidTransform& T_scene_world);
@@ -172,6 +182,9 @@ class Studio {
   std::optional<RegionMask> regions_;
   std::optional<Key> key_;
   std::optional<ActorSurface> actor_surface_;
+  ClockOffset clock_offset_;
+  RigidTransform clock_pose_ = RigidTransform::Identity();
+  std::int64_t depth_clock_us_ = 0;
   // place_avatar: empty = the actor stays where he is
   std::optional<AvatarStage> avatar_;
   std::optional<std::int64_t> start_us_;

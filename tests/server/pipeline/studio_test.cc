@@ -197,6 +197,34 @@ TEST_F(StudioTest, WithoutDepthTheShowGoesOnByColour) {
   EXPECT_GT(cv::countNonZero(truth & (frame.alpha >= 128)), cv::countNonZero(truth) * 7 / 10);
 }
 
+TEST_F(StudioTest, DepthsWrongClockIsFoundAndMoved) {
+  constexpr std::int64_t kWrongUs = 25'000;
+  Studio studio = MakeStudio(/*with_objects=*/false);
+  Learn(studio);
+  Frame frame;
+  std::shared_ptr<const DepthPicture> depth;
+  for (int i = 0; i < 10 * 30; ++i) {  // he crosses the set, turns and comes back
+    const double t_s = 4.5 + i / 30.0;
+    auto captured = std::make_shared<CapturedFrame>();
+    captured->capture_us = std::llround(t_s * 1e6);
+    synthetic_->RenderColor(t_s, captured->color);
+    const double depth_s = std::floor(t_s / 0.08 - 0.4) * 0.08;
+    const std::int64_t depth_us = std::llround(depth_s * 1e6) + kWrongUs;
+    if (!depth || depth->capture_us != depth_us) {
+      auto picture = std::make_shared<DepthPicture>();
+      picture->capture_us = depth_us;
+      synthetic_->RenderTof(depth_s, picture->counts, picture->amplitude);
+      depth = picture;
+    }
+    captured->depth = depth;
+    frame.captured = captured;
+    studio.Run(frame, times_);
+  }
+  ASSERT_TRUE(studio.depth_clock());
+  EXPECT_NEAR(studio.depth_clock()->offset_s, -1e-6 * kWrongUs, 0.002);
+  EXPECT_NEAR(static_cast<double>(studio.depth_clock_applied_us()), -static_cast<double>(kWrongUs), 4000);
+}
+
 TEST_F(StudioTest, ADepthPictureOfAnotherSizeIsCountedAndLeftOut) {
   Studio studio = MakeStudio(/*with_objects=*/false);
   auto captured = std::make_shared<CapturedFrame>(*Capture(0.5));
