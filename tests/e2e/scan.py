@@ -9,7 +9,7 @@ import math
 import shutil
 import sys
 
-from programs import DATA, evaluate, folders, program, run_on_data
+from programs import DATA, PYTHON, ROOT, evaluate, folders, program, run_on_data
 
 BUILD, OUT = folders("scan")
 SERVER = BUILD / "mixstage-server"
@@ -88,8 +88,14 @@ def a_photoreal_studio_is_scanned_to_millimetres():
     picture = evaluate("evaluate_picture.py", OUT / "empty" / "predicted_color" / "empty_room.png", STUDIO / "ground_truth" / "empty_room.png")
     assert depth["median_abs_mm"] <= 3 and depth["p95_abs_mm"] <= 25 and depth["rms_mm"] <= 15 and depth["completeness"] >= 0.99, depth
     assert picture["psnr"] >= 30, picture
+    truth = STUDIO / "ground_truth"
+    seams = json.loads(program(PYTHON, ROOT / "tests" / "support" / "evaluate_seams.py", OUT / "empty" / "predicted_color" / "empty_room.png",
+                               truth / "empty_room.png", truth / "depth_empty" / "empty.png", out, TRUE_RIG,
+                               truth / "poses" / "take_static_groundtruth.txt").stdout)
+    assert seams["pixels"] > 1000 and seams["p95"] <= 1.5, seams
     return (f'poses {turn:.4f} deg {shift:.2f} mm, depth median {depth["median_abs_mm"]:.1f} p95 {depth["p95_abs_mm"]:.1f} rms {depth["rms_mm"]:.1f} mm, '
-            f'colour {picture["psnr"]:.1f} dB, {report["triangles"]} triangles, {report["total_ms"] / 1000:.1f} s')
+            f'colour {picture["psnr"]:.1f} dB, seams {seams["mean"]:.1f} p95 {seams["p95"]:.1f} levels, '
+            f'{report["triangles"]} triangles, {report["total_ms"] / 1000:.1f} s')
 
 
 def copy_of_the_sweep(name):
