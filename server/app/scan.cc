@@ -103,6 +103,21 @@ std::string Row(std::initializer_list<std::string> cells) {
 
 std::string Number(double value, int digits) { return Text("%.*f", digits, value); }
 
+// How many views measured range: green, the more the brighter; red where it is filled in.
+cv::Mat3b CoverageMap(const cv::Mat1b& measured_by) {
+  constexpr int kMany = 4;
+  cv::Mat3b map(measured_by.size(), cv::Vec3b(0, 0, 0));
+  for (int y = 0; y < map.rows; ++y) {
+    for (int x = 0; x < map.cols; ++x) {
+      const int n = measured_by(y, x);
+      if (n == ScanReport::kNotSwept) continue;
+      const auto level = static_cast<std::uint8_t>(60 + 180 * std::min(n, kMany) / kMany);
+      map(y, x) = n == 0 ? cv::Vec3b(40, 40, 220) : cv::Vec3b(80, level, 60);
+    }
+  }
+  return map;
+}
+
 std::string HtmlOf(const ScanResult& scan) {
   const Environment& e = scan.scanned.environment;
   const ScanReport& r = scan.report;
@@ -131,7 +146,10 @@ std::string HtmlOf(const ScanResult& scan) {
   if (r.left_out.empty() && r.notes.empty() && r.warnings.empty() && r.failed_gates.empty())
     html += Row({"nothing"});
   html += "</table>\n<h2>Colour</h2>\n" + Inline(color) + "\n<h2>Range, black: not known; red: 8 m</h2>\n" +
-          Inline(colored);
+          Inline(colored) +
+          "\n<h2>Coverage: views that measured range, one to four and more; red: filled in; black: not "
+          "swept</h2>\n" +
+          Inline(CoverageMap(r.measured_by));
   html +=
       "\n<h2>Views</h2>\n<table><tr><th>view<th>exposure<th>points shared<th>apart, px<th>moved, "
       "degrees</tr>\n";

@@ -170,6 +170,24 @@ std::vector<std::uint8_t> SweptNodes(const SurfaceNodes& nodes, const PanoramaGr
   return swept;
 }
 
+// By pixel of the surface, before nodes are filled.
+cv::Mat1b MeasuredBy(const Surface& surface, const std::vector<std::uint8_t>& swept) {
+  cv::Mat1b by = surface.fused.views.clone();
+  for (int y = 0; y < by.rows; ++y) {
+    for (int x = 0; x < by.cols; ++x) {
+      const auto node =
+          static_cast<std::size_t>(surface.nodes.At(x / surface.nodes.step, y / surface.nodes.step));
+      if (!swept[node])
+        by(y, x) = ScanReport::kNotSwept;
+      else if (surface.nodes.plane[node].isZero())
+        by(y, x) = 0;
+      else
+        by(y, x) = std::clamp<std::uint8_t>(by(y, x), 1, ScanReport::kNotSwept - 1);
+    }
+  }
+  return by;
+}
+
 // Typical error of the surface along its ray: two thirds of it are nearer. A node has what noise leaves of
 // its plane, and what patches of the room's flat surfaces stand off from flat, which is what range curve,
 // poses and echoes do. Errors that bend no surface show in nothing.
@@ -420,6 +438,7 @@ Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<
     have += swept[i] && !surface.nodes.plane[i].isZero();
   }
   report.measured = wanted == 0 ? 0 : static_cast<double>(have) / static_cast<double>(wanted);
+  report.measured_by = MeasuredBy(surface, swept);
   FillNodes(surface.nodes, swept);
 
   step("color");

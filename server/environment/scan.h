@@ -4,7 +4,9 @@
 // is a file of this folder.
 #pragma once
 
+#include <cstdint>
 #include <functional>
+#include <opencv2/core.hpp>
 #include <string>
 #include <vector>
 
@@ -39,6 +41,9 @@ struct ScanReport {
   std::vector<std::string> failed_gates;  // why the scan should not be used; empty = it may
   std::vector<ScanStep> steps;
   double measured = 0;  // share of the swept directions where range was measured; the rest is filled in
+  static constexpr std::uint8_t kNotSwept = 255;
+  // [h x w] of the panorama made smaller: how many views measured range there; 0 = swept, but filled in
+  cv::Mat1b measured_by;
   double photometric_rms_levels = 0;  // between views at one point
 };
 
