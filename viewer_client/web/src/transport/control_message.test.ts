@@ -35,6 +35,7 @@ const kStats = {
     },
   ],
   depth_age_s: 0.04,
+  depth_clock_ms: -24.9,
   recording: { active: false, seconds: 0, dropped: 0 },
   contacts: [{ age_s: 0.4, event: 'touch', object: 'vase', with: 'floor', impulse_ns: 1.9, text: '' }],
   T_scene_color: [0, 0, 1, 2, -1, 0, 0, 0.5, 0, -1, 0, 1.4],
@@ -151,7 +152,7 @@ describe('a control message', () => {
   });
 
   it('refuses what lacks any one field', () => {
-    const optional = ['type', 'recording', 'contacts', 'T_scene_color'];
+    const optional = ['type', 'recording', 'depth_clock_ms', 'contacts', 'T_scene_color'];
     for (const key of Object.keys(kStats).filter((name) => !optional.includes(name))) {
       const { [key as keyof typeof kStats]: _left, ...rest } = kStats;
       expect(reasonOf(rest), key).not.toBe('accepted');

@@ -82,6 +82,8 @@ export interface Stats {
   stages: StageTime[];
   agents: AgentHealth[];
   depth_age_s: number;
+  /** Added to the times of depth pictures by what the show tells; null: not known yet. */
+  depth_clock_ms: number | null;
   /** Null: not known. */
   recording: Recording | null;
   /** Where the last picture's colour camera stands, rows of a 3 x 4 matrix; null: not known. */
@@ -168,6 +170,7 @@ export function statsOf(record: JsonRecord): Stats {
     stages: recordsAt(record, 'stages').map(stageOf),
     agents: recordsAt(record, 'agents').map(agentOf),
     depth_age_s: numberAt(record, 'depth_age_s'),
+    depth_clock_ms: ifThere(record, 'depth_clock_ms', numberAt),
     recording: ifThere(record, 'recording', recordingAt),
     T_scene_color: ifThere(record, 'T_scene_color', (from, key) => numbersAt(from, key, 12)),
     contacts: ifThere(record, 'contacts', (from, key) => recordsAt(from, key).map(contactOf)),

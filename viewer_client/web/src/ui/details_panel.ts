@@ -195,12 +195,18 @@ function way(stats: Stats): HTMLElement {
   );
 }
 
+function clockText(depth_clock_ms: number | null): string {
+  if (depth_clock_ms === null) return 'the clock of ToF is not judged yet';
+  if (depth_clock_ms === 0) return 'the clock of ToF is right within 2 ms';
+  return `the clock of ToF is put right by ${depth_clock_ms.toFixed(1)} ms`;
+}
+
 function agents(stats: Stats): HTMLElement {
   if (stats.agents.length === 0) return part('Agents', 'none heard');
   const number = true;
   return part(
     'Agents',
-    'pictures a second, milliseconds',
+    `pictures a second, milliseconds; ${clockText(stats.depth_clock_ms)}`,
     table(
       [
         { title: 'name' },

@@ -23,6 +23,7 @@ function stats(state: ServerState, message = ''): Stats {
     contacts: null,
     scan: null,
     depth_age_s: 3.4,
+    depth_clock_ms: null,
   };
 }
 const kLive: Situation = {
