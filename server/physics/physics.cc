@@ -33,6 +33,8 @@ constexpr float kActorFriction = 0.8f;
 // What has not left these bounds for so long is at rest, however it trembles.
 constexpr double kRestM = 0.003, kRestRad = 0.03;
 constexpr std::int64_t kRestSteps = kPhysicsStepsPerSecond / 2;
+// A body that is awake trembles; what moves it by less than this nobody sees, and nothing is drawn anew.
+constexpr double kSeenM = 0.0003, kSeenRad = 0.001;
 constexpr std::size_t kMostEvents = 256;
 constexpr double kReachM = 0.5;
 
@@ -117,6 +119,11 @@ struct Inside : btCollisionWorld::ContactResultCallback {
   }
 };
 
+bool IsSeenToMove(const Eigen::Affine3d& before, const Eigen::Affine3d& after) {
+  return (after.translation() - before.translation()).norm() > kSeenM ||
+         (after.linear() - before.linear()).norm() > kSeenRad * before.linear().norm();
+}
+
 }  // namespace
 
 const char* PhysicsEventName(PhysicsEventKind kind) {
@@ -139,8 +146,9 @@ struct Physics::State {
     std::unique_ptr<btRigidBody> body;  // null: not in the world
     bool free = false;                  // moved by Bullet
     std::optional<std::int64_t> free_at{};
-    bool unable = false;  // to fall, from where it was put
-    bool resting = false;
+    bool unable = false;   // to fall, from where it was put
+    bool resting = false;  // told
+    bool asleep = false;   // by us
     btTransform calm_since = btTransform::getIdentity();
     std::int64_t calm_since_step = 0;
   };
@@ -271,7 +279,7 @@ struct Physics::State {
     const Filter filter = FilterOf(object.kind);
     world.addRigidBody(&body, filter.group, filter.mask);
     object.free = free;
-    object.resting = false;
+    object.resting = object.asleep = false;
     object.calm_since = body.getWorldTransform();
     object.calm_since_step = step;
     Wake(body);
@@ -397,14 +405,22 @@ struct Physics::State {
         static_cast<double>(T.getRotation().angleShortestPath(since.getRotation())) > kRestRad) {
       object.calm_since = T;
       object.calm_since_step = step;
+      object.resting = false;
     }
-    const bool resting = step - object.calm_since_step >= kRestSteps;
-    if (resting && body.isActive()) {
+    // Somebody beside it wakes it, again and again. Laid to sleep again at once it would fall a step each
+    // time: Bullet finds who is awake after it has left out the contacts of those who slept.
+    if (object.asleep && body.getActivationState() == ACTIVE_TAG) {
+      object.asleep = false;
+      object.calm_since_step = step;
+    }
+    if (step - object.calm_since_step < kRestSteps) return;
+    if (body.isActive()) {
       body.setLinearVelocity({0, 0, 0});
       body.setAngularVelocity({0, 0, 0});
-      body.setActivationState(WANTS_DEACTIVATION);
+      body.forceActivationState(ISLAND_SLEEPING);
     }
-    if (resting && !object.resting) {
+    object.asleep = true;
+    if (!object.resting) {
       PhysicsEvent event{.kind = PhysicsEventKind::kRest,
                          .t_us = now_us,
                          .object = id,
@@ -412,7 +428,7 @@ struct Physics::State {
                          .point = center};
       Say(std::move(event));
     }
-    object.resting = resting;
+    object.resting = true;
   }
 
   void FindContacts() {
@@ -656,7 +672,8 @@ bool Physics::WritePoses(Scene& posed) {
     if (found == s.objects.end()) continue;
     State::Object& known = found->second;
     if (known.free) {
-      known.T_now = FromBullet(known.body->getWorldTransform()) * known.shape->T_body_object;
+      const Eigen::Affine3d T = FromBullet(known.body->getWorldTransform()) * known.shape->T_body_object;
+      if (IsSeenToMove(known.T_now, T)) known.T_now = T;
     } else if (known.body) {
       known.T_now = known.T_put;
     }

@@ -96,6 +96,18 @@ TEST(Physics, RestsOnTheFloorAndOnATableWithinThreeMillimetres) {
   }
 }
 
+TEST(Physics, WhatSomebodyBesideItKeepsAwakeIsNotSeenToTremble) {
+  Show show({Falling(BallMesh(0.1), {0, 0, 0.86})}, Table());
+  show.Run(3);
+  int moved = 0;
+  for (int i = 0; i < 60; ++i) {
+    const ActorBall hand{1, {0.16, 0.001 * (i % 3), 0.85}, 0.05};  // 1 cm beside it
+    moved += show.Frame(0, {&hand, 1}) ? 1 : 0;
+  }
+  EXPECT_EQ(moved, 0);
+  EXPECT_EQ(show.Count(PhysicsEventKind::kTouch, "actor"), 0);
+}
+
 TEST(Physics, BouncesToRestitutionSquared) {
   for (const double e : {0.0, 0.5, 0.8}) {
     SceneObject ball = Falling(BallMesh(0.1), {0, 0, 1.1});
