@@ -5,6 +5,13 @@
 #include <array>
 #include <cmath>
 
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "server/composite/relight.cc"
+#include <hwy/foreach_target.h>  // IWYU pragma: keep
+#include <hwy/highway.h>
+
+#ifndef MIXSTAGE_RELIGHT_TILE_
+#define MIXSTAGE_RELIGHT_TILE_
 namespace mixstage {
 namespace {
 
@@ -43,8 +50,6 @@ float CodeGain(float s) {
 
 float Code(float value) { return std::min(std::max(value + 0.5f, 0.0f), 255.0f); }
 
-using Row = cv::Vec<float, kSide>;
-
 // The gains of a square's factors, and of the column and row after it.
 struct TileGains {
   static constexpr int kStride = LightMap::kTile + 1;
@@ -68,7 +73,7 @@ struct TileGains {
     }
   }
   // FactorAt's mean along a row that counts from the square's top.
-  void At(int y, int c, Row& out) const {
+  void At(int y, int c, float* out) const {
     const float* above = gains[c][y / 2];
     const float* below = gains[c][y / 2 + (y & 1)];
     float mean[kStride];
@@ -79,6 +84,92 @@ struct TileGains {
     }
   }
 };
+
+}  // namespace
+
+// What a square is made from and to.
+struct RelightTile {
+  cv::Rect box;
+  const TileGains* room;
+  const TileGains* actor;
+  ImageView<const std::uint8_t> alpha;
+  const YuvImage* color;
+  YuvImage* lit;
+};
+
+}  // namespace mixstage
+#endif
+
+HWY_BEFORE_NAMESPACE();
+namespace mixstage {
+namespace HWY_NAMESPACE {
+
+// Plain loops over whole rows of a square: the compiler makes vectors of each target's width of them.
+void RelightOne(const RelightTile& in) {
+  const cv::Rect& tile = in.box;
+  const YuvImage& color = *in.color;
+  const int shift_x = ChromaShiftX(color.layout), shift_y = ChromaShiftY(color.layout);
+  const int block_w = 1 << shift_x, block_h = 1 << shift_y;
+  float gain[3][kSide], actor_gain[3][kSide];
+  float luma[kSide] = {}, blue[kSide] = {}, red[kSide] = {}, sum_blue[kSide], sum_red[kSide];
+  for (int y0 = tile.y; y0 < tile.br().y; y0 += block_h) {
+    const std::uint8_t* cb = color.cb[y0 >> shift_y] + (tile.x >> shift_x);
+    const std::uint8_t* cr = color.cr[y0 >> shift_y] + (tile.x >> shift_x);
+    for (int x = 0; x < tile.width; ++x) {
+      blue[x] = static_cast<float>(cb[x >> shift_x] - 128);
+      red[x] = static_cast<float>(cr[x >> shift_x] - 128);
+    }
+    std::fill_n(sum_blue, kSide, 0.0f);
+    std::fill_n(sum_red, kSide, 0.0f);
+    const int rows = std::min(block_h, color.height() - y0);
+    for (int y = y0; y < y0 + rows; ++y) {
+      for (int c = 0; c < 3; ++c) in.room->At(y - tile.y, c, gain[c]);
+      if (!in.alpha.empty()) {
+        const std::uint8_t* covered = in.alpha.row(y) + tile.x;
+        for (int c = 0; c < 3; ++c) {
+          in.actor->At(y - tile.y, c, actor_gain[c]);
+          for (int x = 0; x < tile.width; ++x)
+            gain[c][x] += static_cast<float>(covered[x]) * (1 / 255.0f) * (actor_gain[c][x] - gain[c][x]);
+        }
+      }
+      const std::uint8_t* from = color.y[y] + tile.x;
+      for (int x = 0; x < tile.width; ++x) luma[x] = static_cast<float>(from[x]) + kOffset;
+      for (int x = 0; x < kSide; ++x) {
+        // YcbcrToRgb and RgbToYcbcr (proto/codec/yuv_image.h) with the gains between.
+        const float r = gain[0][x] * (luma[x] + 1.402f * red[x]);
+        const float g = gain[1][x] * (luma[x] - 0.344136f * blue[x] - 0.714136f * red[x]);
+        const float b = gain[2][x] * (luma[x] + 1.772f * blue[x]);
+        const float scaled = 0.299f * r + 0.587f * g + 0.114f * b;
+        luma[x] = Code(scaled - kOffset);
+        sum_blue[x] += 0.564334f * (b - scaled);
+        sum_red[x] += 0.713267f * (r - scaled);
+      }
+      std::uint8_t* to = in.lit->y[y] + tile.x;
+      for (int x = 0; x < tile.width; ++x) to[x] = static_cast<std::uint8_t>(luma[x]);
+    }
+    // A chroma sample is the mean over its luma pixels.
+    for (int x0 = 0; x0 < tile.width; x0 += block_w) {
+      const int columns = std::min(block_w, tile.width - x0);
+      const auto mean = [&](const float* sum) HWY_ATTR {
+        const float all = columns == 2 ? sum[x0] + sum[x0 + 1] : sum[x0];
+        return static_cast<std::uint8_t>(Code(128 + all / static_cast<float>(columns * rows)));
+      };
+      in.lit->cb(y0 >> shift_y, (tile.x + x0) >> shift_x) = mean(sum_blue);
+      in.lit->cr(y0 >> shift_y, (tile.x + x0) >> shift_x) = mean(sum_red);
+    }
+  }
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace mixstage
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace mixstage {
+
+HWY_EXPORT(RelightOne);
+
+namespace {
 
 // Squares of the full picture, even-aligned.
 template <typename Each>
@@ -99,61 +190,13 @@ void RelightPicture(const LightMap& map, ImageView<const std::uint8_t> alpha, co
   color.y.copyTo(lit.y);
   color.cb.copyTo(lit.cb);
   color.cr.copyTo(lit.cr);
-  const int shift_x = ChromaShiftX(color.layout), shift_y = ChromaShiftY(color.layout);
-  const int block_w = 1 << shift_x, block_h = 1 << shift_y;
   TileGains room, actor;
-  Row gain[3], actor_gain[3];
-  Row luma, blue, red, sum_blue, sum_red;
   ForTouched(map, {w, h}, [&](const cv::Rect& tile) {
     room.Of(map.room, tile);
     const cv::Rect factors(tile.x / 2, tile.y / 2, TileGains::kStride, TileGains::kStride);
     (factors & map.actor_bounds).empty() ? actor.Ones() : actor.Of(map.actor, tile);
     if (!room.any && !actor.any) return;
-    for (int y0 = tile.y; y0 < tile.br().y; y0 += block_h) {
-      const std::uint8_t* cb = color.cb[y0 >> shift_y] + (tile.x >> shift_x);
-      const std::uint8_t* cr = color.cr[y0 >> shift_y] + (tile.x >> shift_x);
-      for (int x = 0; x < tile.width; ++x) {
-        blue[x] = static_cast<float>(cb[x >> shift_x] - 128);
-        red[x] = static_cast<float>(cr[x >> shift_x] - 128);
-      }
-      sum_blue = sum_red = Row::all(0);
-      const int rows = std::min(block_h, h - y0);
-      for (int y = y0; y < y0 + rows; ++y) {
-        for (int c = 0; c < 3; ++c) room.At(y - tile.y, c, gain[c]);
-        if (!alpha.empty()) {
-          const std::uint8_t* covered = alpha.row(y) + tile.x;
-          for (int c = 0; c < 3; ++c) {
-            actor.At(y - tile.y, c, actor_gain[c]);
-            for (int x = 0; x < tile.width; ++x)
-              gain[c][x] += static_cast<float>(covered[x]) * (1 / 255.0f) * (actor_gain[c][x] - gain[c][x]);
-          }
-        }
-        const std::uint8_t* from = color.y[y] + tile.x;
-        for (int x = 0; x < tile.width; ++x) luma[x] = static_cast<float>(from[x]) + kOffset;
-        for (int x = 0; x < kSide; ++x) {
-          // YcbcrToRgb and RgbToYcbcr (proto/codec/yuv_image.h) with the gains between.
-          const float r = gain[0][x] * (luma[x] + 1.402f * red[x]);
-          const float g = gain[1][x] * (luma[x] - 0.344136f * blue[x] - 0.714136f * red[x]);
-          const float b = gain[2][x] * (luma[x] + 1.772f * blue[x]);
-          const float scaled = 0.299f * r + 0.587f * g + 0.114f * b;
-          luma[x] = Code(scaled - kOffset);
-          sum_blue[x] += 0.564334f * (b - scaled);
-          sum_red[x] += 0.713267f * (r - scaled);
-        }
-        std::uint8_t* to = lit.y[y] + tile.x;
-        for (int x = 0; x < tile.width; ++x) to[x] = static_cast<std::uint8_t>(luma[x]);
-      }
-      // A chroma sample is the mean over its luma pixels.
-      for (int x0 = 0; x0 < tile.width; x0 += block_w) {
-        const int columns = std::min(block_w, tile.width - x0);
-        const auto mean = [&](const Row& sum) {
-          const float all = columns == 2 ? sum[x0] + sum[x0 + 1] : sum[x0];
-          return static_cast<std::uint8_t>(Code(128 + all / static_cast<float>(columns * rows)));
-        };
-        lit.cb(y0 >> shift_y, (tile.x + x0) >> shift_x) = mean(sum_blue);
-        lit.cr(y0 >> shift_y, (tile.x + x0) >> shift_x) = mean(sum_red);
-      }
-    }
+    HWY_DYNAMIC_DISPATCH(RelightOne)({tile, &room, &actor, alpha, &color, &lit});
   });
 }
 
@@ -188,3 +231,4 @@ cv::Mat3b LightMapPicture(const LightMap& map, ImageView<const std::uint8_t> alp
 }
 
 }  // namespace mixstage
+#endif  // HWY_ONCE

@@ -21,7 +21,7 @@ constexpr float kStep = 0.03f;  // share of z: neighbours beyond are another sur
 // put between.
 constexpr float kOffCg_m = 0.015f, kOffRoom_m = 0.05f, kOffActor_m = 0.05f;
 constexpr float kLeastHidden = 0.012f;  // share of the ambient light: less is not seen
-constexpr float kUnseen = 0.995f;       // less than half a grey level
+constexpr float kUnseen = 0.99f;        // less than a grey level
 constexpr float kHidingRadii = 4;       // an object hides less than that of it farther away
 // An object gives back a part of the ambient light that it hides.
 constexpr float kGivenBack = 0.3f;
