@@ -1,38 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 import { beforeEach, describe, expect, it, vi } from 'vitest';
 import type { Edit } from '../transport/edit';
-import type { Scene, SceneLight, SceneObject } from '../transport/scene';
+import type { SceneLight } from '../transport/scene';
 import { project } from '../view/geometry';
 import { EditSender } from './edit_sender';
 import { Editor } from './editor';
+import { kLamp, kScene, kStatue } from './scene_fixture';
 
 const kPinhole = { width: 640, height: 480, fx: 500, fy: 500, cx: 320, cy: 240 };
 const kPose = [0, 0, 1, 0, -1, 0, 0, 0, 0, -1, 0, 1.5];
-const kBox: SceneObject = {
-  id: 7,
-  name: 'statue',
-  file: 'statue.glb',
-  pose: [1, 0, 0, 4, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1],
-  body: 'mutual',
-  triangles: 12,
-  bounds: [-0.5, -0.5, 0, 0.5, 0.5, 1],
-  base: [4, 0, 0],
-  radius_m: 0.7,
-  hidden: false,
-};
-const kScene: Scene = {
-  revision: 1,
-  frame: 'world',
-  up: [0, 0, 1],
-  can_undo: false,
-  can_redo: false,
-  unsaved: false,
-  by: '',
-  edits: 0,
-  objects: [kBox],
-  lights: [],
-  models: ['vase.glb'],
-};
 
 let sent: Edit[];
 let told: string[];
@@ -69,7 +45,7 @@ describe('the editor', () => {
     expect(editor.selected?.id).toBe(7);
     editor.dragProgram(u + 30, v + 10);
     editor.release();
-    const base = project(editor.program_view ?? { T_scene_camera: kPose, pinhole: kPinhole }, kBox.base);
+    const base = project(editor.program_view ?? { T_scene_camera: kPose, pinhole: kPinhole }, kStatue.base);
     const move = { op: 'move', object: 7, on: 'floor', u: (base?.u ?? 0) + 30, v: (base?.v ?? 0) + 10 };
     expect(sent).toEqual([
       { type: 'edit', id: 1, ...move, live: true },
@@ -149,14 +125,7 @@ describe('the editor', () => {
   });
 
   it('drags a light in the 3D view at its distance from the eye, before what lies behind it', () => {
-    const lamp: SceneLight = {
-      id: 3,
-      name: 'lamp',
-      kind: 'point',
-      position: [3, 0, 0.5],
-      color: [1, 1, 1],
-      intensity: 1,
-    };
+    const lamp: SceneLight = { ...kLamp, position: [3, 0, 0.5] };
     editor.setScene({ ...kScene, lights: [lamp] });
     const view = { T_scene_camera: kPose, pinhole: kPinhole };
     const at = project(view, lamp.position);
@@ -173,16 +142,8 @@ describe('the editor', () => {
   });
 
   it('moves a light by keys, and turns one that shines from far away', () => {
-    const lamp: SceneLight = {
-      id: 3,
-      name: 'lamp',
-      kind: 'area',
-      position: [3, 0, 2],
-      color: [1, 1, 1],
-      intensity: 1,
-    };
-    const sun: SceneLight = { ...lamp, id: 4, name: 'sun', kind: 'directional', position: [1, 0, 0] };
-    editor.setScene({ ...kScene, lights: [lamp, sun] });
+    const sun: SceneLight = { ...kLamp, id: 4, name: 'sun', kind: 'directional', position: [1, 0, 0] };
+    editor.setScene({ ...kScene, lights: [kLamp, sun] });
     const steps = [
       [3, { right: 0.05, away: 0, up: 0 }],
       [3, { right: 0, away: 0.05, up: 0.01 }],
@@ -231,7 +192,7 @@ describe('the editor', () => {
       ...kScene,
       by: 'anna',
       edits: 1,
-      objects: [{ ...kBox, base: [4, 1, 0] as [number, number, number] }],
+      objects: [{ ...kStatue, base: [4, 1, 0] as [number, number, number] }],
     };
     editor.setUser('ben');
     editor.setScene(moved);
