@@ -25,6 +25,7 @@ float ToLinear(std::uint8_t code) {
 struct Region {
   std::vector<Eigen::Vector3d> points;
   Eigen::Vector3d mean = Eigen::Vector3d::Zero(), normal = Eigen::Vector3d::UnitZ();
+  double measured = 0;  // of its points: range came back from there
 };
 
 // Plane of the points, robust against those at the rim that hang on another surface.
@@ -108,6 +109,36 @@ RoomLamp Rectangle(const Region& region) {
   return lamp;
 }
 
+// Little comes back from a lamp, and less from a far one: where it hangs is then what is around it. Lamps of
+// one kind hang at one height: a lamp that is of another's size at that height is hung there, if range came
+// back from more of the other.
+void HangAlike(const std::vector<double>& measured, const Eigen::Vector3d& center,
+               std::vector<RoomLamp>& lamps) {
+  constexpr double kFacing = 0.99, kSize = 0.12, kApart_m = 0.2;
+  const std::vector<RoomLamp> found = lamps;
+  auto facing = [](const RoomLamp& l) { return l.edge_u.cross(l.edge_v).normalized(); };
+  auto sides = [](const RoomLamp& l) { return std::minmax({l.edge_u.norm(), l.edge_v.norm()}); };
+  for (std::size_t b = 0; b < found.size(); ++b) {
+    std::size_t like = b;
+    for (std::size_t a = 0; a < found.size(); ++a) {
+      const Eigen::Vector3d n = facing(found[a]);
+      const double of_a = n.dot(found[a].center - center), of_b = n.dot(found[b].center - center);
+      if (measured[a] <= measured[like] || facing(found[b]).dot(n) < kFacing ||
+          std::abs(of_a - of_b) > kApart_m || std::abs(of_b) < kApart_m)
+        continue;
+      const double times = of_a / of_b;
+      const auto [short_a, long_a] = sides(found[a]);
+      const auto [short_b, long_b] = sides(found[b]);
+      if (std::abs(times * short_b / short_a - 1) > kSize || std::abs(times * long_b / long_a - 1) > kSize)
+        continue;
+      like = a;
+      lamps[b].center = center + times * (found[b].center - center);
+      lamps[b].edge_u = times * found[b].edge_u;
+      lamps[b].edge_v = times * found[b].edge_v;
+    }
+  }
+}
+
 double Gap(const Region& a, const Region& b) {
   double least = 1e9;
   for (std::size_t i = 0; i < a.points.size(); i += 1 + a.points.size() / 200)
@@ -117,7 +148,8 @@ double Gap(const Region& a, const Region& b) {
 }
 
 std::vector<Region> ClippedRegions(const cv::Mat4b& color, const DenseSurface& dense,
-                                   const PanoramaGrid& grid, const LampConfig& config) {
+                                   const SurfaceNodes& nodes, const PanoramaGrid& grid,
+                                   const LampConfig& config) {
   cv::Mat1b clipped(color.size());
   for (int y = 0; y < color.rows; ++y) {
     for (int x = 0; x < color.cols; ++x) {
@@ -139,6 +171,8 @@ std::vector<Region> ClippedRegions(const cv::Mat4b& color, const DenseSurface& d
       const Eigen::Vector3d ray = grid.Ray(x, y).cast<double>();
       const double range = 1.0 / static_cast<double>(dense.inverse_range(y, x));
       all[k].points.push_back(center + ray * range);
+      const int node = dense.node(y, x);
+      all[k].measured += node >= 0 && nodes.inverse_range[static_cast<std::size_t>(node)] > 0 ? 1 : 0;
       area[k] += step2 * std::hypot(ray.x(), ray.y()) * range * range;
     }
   }
@@ -160,6 +194,7 @@ std::vector<Region> ClippedRegions(const cv::Mat4b& color, const DenseSurface& d
         continue;
       }
       kept[a].points.insert(kept[a].points.end(), kept[b].points.begin(), kept[b].points.end());
+      kept[a].measured += kept[b].measured;
       FitRegion(kept[a], center);
       kept.erase(kept.begin() + static_cast<std::ptrdiff_t>(b));
       b = a + 1;
@@ -374,12 +409,15 @@ std::vector<RoomLamp> FindLamps(const cv::Mat4b& color, const DenseSurface& dens
                                 const std::vector<GrownPlane>& planes, const PanoramaGrid& grid,
                                 const LampConfig& config) {
   std::vector<RoomLamp> lamps;
-  for (Region& region : ClippedRegions(color, dense, grid, config)) {
+  std::vector<double> measured;  // share of a lamp
+  for (Region& region : ClippedRegions(color, dense, nodes, grid, config)) {
+    measured.push_back(region.measured / static_cast<double>(region.points.size()));
     LayFlat(planes, grid.panorama().center, region);
     lamps.push_back(Rectangle(region));
     lamps.back().name.append("lamp_").append(std::to_string(lamps.size()));
   }
   if (lamps.empty()) return lamps;
+  HangAlike(measured, grid.panorama().center, lamps);
   constexpr std::size_t kMostPlanes = 8;
   constexpr double kSamples = 4000;
   constexpr int kBright = 240, kDark = 4;

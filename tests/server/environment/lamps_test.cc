@@ -45,6 +45,7 @@ TEST(FindLamps, PlaceAndRadianceShowInTheLightOnTheFloor) {
       const Eigen::Vector3d m = down ? floor.m : ceiling.m;
       nodes.plane.push_back(m.cast<float>());
       nodes.room_plane.push_back(down ? 0 : 1);
+      nodes.inverse_range.push_back(static_cast<float>(m.dot(ray.cast<double>())));
       if (std::abs(ray.z()) < 0.2f) continue;
       dense.inverse_range(y, x) = static_cast<float>(m.dot(ray.cast<double>()));
       dense.node(y, x) = y * 720 + x;
@@ -57,6 +58,11 @@ TEST(FindLamps, PlaceAndRadianceShowInTheLightOnTheFloor) {
       for (const RoomLamp* lamp : {&bright, &dim}) {
         if (!down && std::abs(p.x() - lamp->center.x()) < 0.3 && std::abs(p.y() - lamp->center.y()) < 0.2)
           light = 1;
+      }
+      // Nothing came back from the dim one: what stands there for its range is the slab behind it.
+      if (!down && light == 1 && p.x() < 0) {
+        nodes.inverse_range.back() = 0;
+        dense.inverse_range(y, x) *= 1.4f / 1.5f;
       }
       const double code = light <= 0.0031308 ? 12.92 * light : 1.055 * std::pow(light, 1 / 2.4) - 0.055;
       const auto level = cv::saturate_cast<std::uint8_t>(255 * code);
