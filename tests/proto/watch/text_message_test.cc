@@ -135,7 +135,7 @@ TEST(ServerMessage, EveryMissingOrMistypedFieldIsRefusedByName) {
     nlohmann::json missing = good;
     missing.erase(name);
     EXPECT_EQ(ParseServerMessage(missing.dump()).has_value(),
-              name == "T_scene_color" || name == "scan" || name == "contacts")
+              name == "T_scene_color" || name == "scan" || name == "contacts" || name == "depth_clock_ms")
         << name;
     nlohmann::json mistyped = good;
     mistyped[name] = nullptr;
