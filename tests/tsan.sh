@@ -8,6 +8,4 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 case ${1:-} in -h | --help) sed -n '3,5s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; exit 0 ;; esac
 tests/sanitize/build.sh tsan mixstage_tests || exit 1
 export TSAN_OPTIONS=suppressions=tests/sanitize/races.txt:print_suppressions=0:second_deadlock_stack=1
-threads='Agent.*:BoundedQueue.*:LcmLink.*:ProgressSender.*:SweepTest.*:TakeWriterTest.*:Gateway*:ViewerHub.*:TokenStoreFile.*'
-threads+=':LiveIngestTest.*:Director.*:LiveShow.*:MeshBroadcast.*:ModelProcess.*:Watch*'
-tests/support/run_gtest.py --prefix tsan. build-tsan/tests/mixstage_tests "${1:-$threads}"
+tests/support/run_gtest.py --prefix tsan. build-tsan/tests/mixstage_tests "${1:-*}"
