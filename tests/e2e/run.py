@@ -280,7 +280,6 @@ def hostile_datagrams_do_not_disturb_the_show():
         server = studio.server()
         studio.agent()
         studio.wait_until_live()
-        group = studio.lcm.split("//")[1].split("?")[0].split(":")
         s = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         s.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
         random_bytes = random.Random(2)
@@ -288,7 +287,7 @@ def hostile_datagrams_do_not_disturb_the_show():
             body = random_bytes.randbytes(random_bytes.randrange(1, 1400))
             # LCM's short message: magic "LC02", sequence, channel, payload
             head = b"LC02" + i.to_bytes(4, "big") + random_bytes.choice([b"MIXSTAGE_SLICE", b"MIXSTAGE_HEALTH", b"MIXSTAGE_HEAD"]) + b"\0"
-            s.sendto(random_bytes.choice([body, head + body]), (group[0], int(group[1])))
+            s.sendto(random_bytes.choice([body, head + body]), lcm_group(studio.lcm))
             if i % 50 == 0:
                 time.sleep(0.005)
         seen = studio.view(4)
@@ -296,11 +295,22 @@ def hostile_datagrams_do_not_disturb_the_show():
         assert server.poll() is None
 
 
+def demo_scene(folder):
+    """A copy of the demonstration's first scene and its models, to be edited and saved."""
+    for name in ("scene.yaml", "sculpture.glb", "amphora.glb"):
+        shutil.copy(DEMO / name, folder)
+    return pathlib.Path(folder)
+
+
+def lcm_group(lcm):
+    """Address and port of an LCM URL."""
+    group, port = lcm.split("//")[1].split("?")[0].split(":")
+    return group, int(port)
+
+
 def two_directors_edit_one_scene():
     with tempfile.TemporaryDirectory() as folder, Studio(BUILD) as studio:
-        folder = pathlib.Path(folder)
-        for name in ("scene.yaml", "sculpture.glb", "amphora.glb"):
-            shutil.copy(DEMO / name, folder)
+        folder = demo_scene(folder)
         server = studio.server(scene=folder / "scene.yaml")
         studio.agent()
         studio.wait_until_live()
@@ -377,11 +387,11 @@ objects:
 
 def listener(lcm):
     """A socket that hears what is said on an LCM network."""
-    group, port = lcm.split("//")[1].split("?")[0].split(":")
+    group, port = lcm_group(lcm)
     s = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     s.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     s.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8 << 20)
-    s.bind((group, int(port)))
+    s.bind((group, port))
     s.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, socket.inet_aton(group) + socket.inet_aton("0.0.0.0"))
     s.settimeout(5)
     return s
@@ -389,9 +399,7 @@ def listener(lcm):
 
 def a_live_drop_is_seen_by_viewers_a_desk_and_the_rigs_network():
     with tempfile.TemporaryDirectory() as folder, Studio(BUILD) as studio, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as desk:
-        folder = pathlib.Path(folder)
-        for name in ("scene.yaml", "sculpture.glb", "amphora.glb"):
-            shutil.copy(DEMO / name, folder)
+        folder = demo_scene(folder)
         desk.bind(("127.0.0.1", 0))
         desk.settimeout(20)
         (folder / "studio.yaml").write_text(f'version: 1\nosc: "127.0.0.1:{desk.getsockname()[1]}"\n')
@@ -421,9 +429,7 @@ def a_live_drop_is_seen_by_viewers_a_desk_and_the_rigs_network():
 
 def a_storm_of_edits_holds_nobody_up():
     with tempfile.TemporaryDirectory() as folder, Studio(BUILD) as studio:
-        folder = pathlib.Path(folder)
-        for name in ("scene.yaml", "sculpture.glb", "amphora.glb"):
-            shutil.copy(DEMO / name, folder)
+        folder = demo_scene(folder)
         server = studio.server(scene=folder / "scene.yaml")
         studio.agent()
         studio.wait_until_live()
