@@ -59,7 +59,8 @@ for part in "${chosen[@]}"; do
     unit) tally unit tests/support/run_gtest.py build/tests/mixstage_tests "$gtest_filter" ;;
     page) tally page tests/support/run_page_tests.sh ;;
     e2e) tally e2e python3 tests/e2e/run.py build; tally meshes /usr/bin/python3 tests/e2e/meshes.py build
-      tally avatar /usr/bin/python3 tests/e2e/avatar.py build; tally regions /usr/bin/python3 tests/e2e/regions.py build ;;
+      tally avatar /usr/bin/python3 tests/e2e/avatar.py build; tally regions /usr/bin/python3 tests/e2e/regions.py build
+      tally left_behind /usr/bin/python3 tests/e2e/left_behind.py build ;;
     chain) tally chain python3 tests/e2e/studio_chain.py build ;;
     loss) tally loss python3 tests/e2e/loss.py build ;;
     data) tally data python3 tests/e2e/recordings.py build; tally calibration python3 tests/e2e/calibration.py build

@@ -16,7 +16,8 @@ using Json = nlohmann::json;
 
 constexpr int kMaxId = std::numeric_limits<int>::max();
 constexpr std::array<const char*, std::variant_size_v<EditOp>> kOpNames = {
-    "add", "move", "turn", "drop", "delete", "hide", "light", "avatar", "undo", "redo", "save"};
+    "add",    "move",  "turn",   "drop", "delete", "hide", "light",
+    "avatar", "adopt", "forget", "undo", "redo",   "save"};
 
 std::string Dump(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
 
@@ -116,9 +117,16 @@ EditOp ReadOp(JsonReader& read) {
       if (!place.position && !place.turn_deg) read.Refuse("avatar", "comes without position or turn_deg");
       return place;
     }
+    case 8: {
+      AdoptThing adopt;
+      ReadPoint(read, &adopt.at);
+      return adopt;
+    }
     case 9:
+      return ForgetThings{};
+    case 11:
       return RedoEdit{};
-    case 10:
+    case 12:
       return SaveScene{};
     default:  // undo, and what was refused
       return UndoEdit{};
@@ -208,6 +216,8 @@ struct PutOp {
     if (place.position) json["position"] = List(*place.position);
     if (place.turn_deg) json["turn_deg"] = Finite(*place.turn_deg);
   }
+  void operator()(const AdoptThing& adopt) const { Point(adopt.at); }
+  void operator()(const ForgetThings&) const {}
   void operator()(const UndoEdit&) const {}
   void operator()(const RedoEdit&) const {}
   void operator()(const SaveScene&) const {}
@@ -252,6 +262,7 @@ std::string ToJson(const WatchScene& scene) {
              {"objects", std::move(objects)},
              {"lights", std::move(lights)},
              {"models", scene.models}});
+  if (scene.adopted > 0) json["adopted"] = scene.adopted;
   if (const auto& avatar = scene.avatar) {
     json["avatar"] = {{"anchor", List(avatar->anchor)},
                       {"position", List(avatar->position)},
@@ -288,6 +299,7 @@ Result<WatchScene> ReadScene(const JsonFields& fields) {
   read.List("lights", kMaxSceneLights, &lights);
   read.List("models", kMaxSceneModels, &models);
   if (read.Has("avatar")) read.Object("avatar", &avatar);
+  if (read.Has("adopted")) read.Count("adopted", &scene.adopted);
   if (!read.status()) return Within("scene", read.status().error());
   if (avatar != nullptr) {
     Result<WatchAvatar> read_avatar = ReadAvatarOf(*avatar);

@@ -63,6 +63,7 @@ struct WatchScene {
   std::vector<WatchLight> lights{};
   std::optional<WatchAvatar> avatar{};
   std::vector<std::string> models{};  // files that may be added
+  std::uint64_t adopted = 0;          // things left behind that are the room's now
   bool operator==(const WatchScene&) const = default;
 };
 
@@ -131,6 +132,13 @@ struct PlaceAvatar {  // at least one of the two
   std::optional<double> turn_deg{};
   bool operator==(const PlaceAvatar&) const = default;
 };
+struct AdoptThing {
+  PicturePoint at{};  // what stands still there in the foreground is the room's from then on
+  bool operator==(const AdoptThing&) const = default;
+};
+struct ForgetThings {  // all that was adopted
+  bool operator==(const ForgetThings&) const = default;
+};
 struct UndoEdit {
   bool operator==(const UndoEdit&) const = default;
 };
@@ -141,8 +149,9 @@ struct SaveScene {
   bool operator==(const SaveScene&) const = default;
 };
 
-using EditOp = std::variant<AddObject, MoveObject, TurnObject, DropObject, DeleteObject, HideObject,
-                            ChangeLight, PlaceAvatar, UndoEdit, RedoEdit, SaveScene>;
+using EditOp =
+    std::variant<AddObject, MoveObject, TurnObject, DropObject, DeleteObject, HideObject, ChangeLight,
+                 PlaceAvatar, AdoptThing, ForgetThings, UndoEdit, RedoEdit, SaveScene>;
 
 struct WatchEdit {
   int id = 0;         // the sender's own number, >= 0

@@ -111,6 +111,7 @@ void Director::Run(const std::stop_token& stop) {
     }
     FinishImport();
     StartImport(stop);
+    FinishAdopting();
     if (editor_.scene()->revision != revision) {
       changed_ = true;
       const std::lock_guard lock(mutex_);
@@ -124,12 +125,14 @@ void Director::Run(const std::stop_token& stop) {
 void Director::Do(const ReceivedEdit& received) {
   if (std::holds_alternative<SaveScene>(received.edit.op)) return Save(received);
   if (std::holds_alternative<AddObject>(received.edit.op)) return Add(received);
+  if (std::holds_alternative<AdoptThing>(received.edit.op)) return StartAdopting(received);
   Apply(received, nullptr);
 }
 
-void Director::Apply(const ReceivedEdit& received, const AddedModel* model) {
+void Director::Apply(const ReceivedEdit& received, const AddedModel* model,
+                     const std::shared_ptr<const AdoptedThing>& thing) {
   const EditSource source{received.viewer, received.name};
-  if (auto done = editor_.Apply(received.edit, source, probe_, model); !done) {
+  if (auto done = editor_.Apply(received.edit, source, probe_, model, thing); !done) {
     Refuse(received, done.error().message);
   }
 }
@@ -156,6 +159,37 @@ void Director::Add(const ReceivedEdit& received) {
   if (waiting_.size() >= kMostWaitingAdds)
     return Refuse(received, "16 models are being read already: try again.");
   waiting_.push_back({received, file});
+}
+
+void Director::StartAdopting(const ReceivedEdit& received) {
+  if (editor_.scene()->avatar)
+    return Refuse(received, "The picture shows another place: things cannot be pointed at in his room.");
+  if (adopting_) return Refuse(received, "Another thing is being looked at: try again in a second.");
+  adopting_ = received;
+  const std::lock_guard lock(mutex_);
+  look_ = std::get<AdoptThing>(received.edit.op).at;
+}
+
+void Director::FinishAdopting() {
+  std::optional<Result<std::shared_ptr<const AdoptedThing>>> thing;
+  {
+    const std::lock_guard lock(mutex_);
+    thing.swap(thing_);
+  }
+  if (!thing || !adopting_) return;
+  const ReceivedEdit edit = *std::exchange(adopting_, std::nullopt);
+  if (!*thing) return Refuse(edit, thing->error().message);
+  Apply(edit, nullptr, **thing);
+}
+
+std::optional<PicturePoint> Director::TakeLook() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(look_, std::nullopt);
+}
+
+void Director::SeeThing(Result<std::shared_ptr<const AdoptedThing>> thing) {
+  const std::lock_guard lock(mutex_);
+  thing_ = std::move(thing);
 }
 
 void Director::StartImport(const std::stop_token& stop) {

@@ -47,10 +47,13 @@ class Director {
   // ---- The frame thread ----
   // The scene, where it changed since the last call; else null.
   [[nodiscard]] std::shared_ptr<const Scene> TakeScene();
-  // What the camera sees of the empty set, and where it stands, for edits that follow.
   // Where physics has brought objects, for viewers, further edits and `save`.
   void SeeMoved(std::vector<MovedObject> moved);
+  // What the camera sees of the empty set, and where it stands, for edits that follow.
   void SeeRoom(std::shared_ptr<const BackgroundModel> room, const RigidTransform& T_world_color);
+  // Where somebody has pointed at a thing left behind; told once. What was found there comes back.
+  [[nodiscard]] std::optional<PicturePoint> TakeLook();
+  void SeeThing(Result<std::shared_ptr<const AdoptedThing>> thing);
 
  private:
   // An `add` whose model is being read, or waits for its turn.
@@ -67,8 +70,11 @@ class Director {
 
   void Run(const std::stop_token& stop);
   void Do(const ReceivedEdit& edit);
-  void Apply(const ReceivedEdit& edit, const AddedModel* model);
+  void Apply(const ReceivedEdit& edit, const AddedModel* model,
+             const std::shared_ptr<const AdoptedThing>& thing = nullptr);
   void Add(const ReceivedEdit& edit);
+  void StartAdopting(const ReceivedEdit& edit);
+  void FinishAdopting();
   void Save(const ReceivedEdit& edit);
   void StartImport(const std::stop_token& stop);
   void FinishImport();
@@ -92,7 +98,8 @@ class Director {
   std::map<std::string, KnownModel> known_;
   std::deque<WaitingAdd> waiting_;  // the front's model is being read while importing_ is valid
   std::future<Result<LoadedModel>> importing_;
-  bool changed_ = true;  // since the last scene that was published
+  std::optional<ReceivedEdit> adopting_;  // waits for what the frames show
+  bool changed_ = true;                   // since the last scene that was published
   std::int64_t published_us_ = 0, followed_us_ = 0;
 
   std::mutex mutex_;  // guards what follows
@@ -100,6 +107,8 @@ class Director {
   std::shared_ptr<const BackgroundModel> room_;
   RigidTransform T_world_color_ = RigidTransform::Identity();
   std::vector<MovedObject> moved_;
+  std::optional<PicturePoint> look_;
+  std::optional<Result<std::shared_ptr<const AdoptedThing>>> thing_;
 
   std::jthread thread_;  // last: it uses all of the above
 };

@@ -263,8 +263,19 @@ void Studio::SetRoom(std::shared_ptr<const BackgroundModel> room, RoomState stat
 }
 
 void Studio::UseRoom(std::shared_ptr<const BackgroundModel> room, RoomState state) {
-  room_ = std::move(room);
+  learnt_room_ = std::move(room);
   room_state_ = state;
+  LayThings();
+}
+
+// The learnt room with what was adopted into it since.
+void Studio::LayThings() {
+  room_ = learnt_room_;
+  if (scene_ && !scene_->adopted.empty()) {
+    auto model = std::make_shared<BackgroundModel>(*learnt_room_);
+    for (const auto& thing : scene_->adopted) LayThing(*thing, model.get());
+    room_ = std::move(model);
+  }
   room_is_new_ = true;
   room_depth_.reset();
   if (!room_->has_depth()) return;
@@ -285,7 +296,10 @@ void Studio::UseRoom(std::shared_ptr<const BackgroundModel> room, RoomState stat
 void Studio::SetScene(std::shared_ptr<const Scene> scene) {
   MIX_CHECK(scene != nullptr && scene_ != nullptr && scene->frame == scene_->frame);
   MIX_CHECK(scene->avatar.has_value() == scene_->avatar.has_value());
+  const bool same_things = scene->adopted == scene_->adopted;
   scene_ = std::move(scene);
+  if (!same_things && room_view_) predicted_ = 0;
+  if (!same_things && learnt_room_) LayThings();
   posed_ = *scene_;
   reactions_.SetScene(*scene_, posed_);
   if (physics_) physics_->SetScene(*scene_);
@@ -386,7 +400,7 @@ std::shared_ptr<BackgroundModel> Studio::UnusedModel() {
   return models_.emplace_back(std::make_shared<BackgroundModel>());
 }
 
-void Studio::PredictRoom(const RoomPrediction& prediction) {
+void Studio::PredictRoom(const RoomPrediction& prediction, const RigidTransform& T_world_color) {
   ++standing_frames_;
   if (prediction.drawing != predicted_ || noise_.frames() != predicted_frames_) {
     standing_frames_ = 0;
@@ -396,10 +410,11 @@ void Studio::PredictRoom(const RoomPrediction& prediction) {
     room_.reset();
     refined_.Begin(nullptr);
     std::shared_ptr<BackgroundModel> model = UnusedModel();
-    PredictBackground(prediction, noise_, doubt_, model.get());
+    const RoomPrediction& shown = WithThings(prediction, T_world_color);
+    PredictBackground(shown, noise_, doubt_, model.get());
     room_ = std::move(model);
     refined_.Begin(room_);
-    UseDepth(prediction);
+    UseDepth(shown);
   } else if (refined_.samples() >= refine_at_) {
     std::shared_ptr<BackgroundModel> model = UnusedModel();
     refined_.Refine(model.get());
@@ -407,6 +422,18 @@ void Studio::PredictRoom(const RoomPrediction& prediction) {
     refine_at_ = refined_.complete() ? std::numeric_limits<int>::max()
                                      : std::min(2 * refine_at_, RefinedBackground::kMostSamples);
   }
+}
+
+const RoomPrediction& Studio::WithThings(const RoomPrediction& prediction,
+                                         const RigidTransform& T_world_color) {
+  if (!scene_ || scene_->adopted.empty()) return prediction;
+  if (rays_.empty()) rays_ = UnprojectionTable(rig_.color);
+  RoomPrediction& shown = prediction_with_things_;
+  shown = prediction;
+  for (cv::Mat1b* plane : {&shown.r, &shown.g, &shown.b, &shown.seen}) *plane = plane->clone();
+  shown.depth_m = shown.depth_m.clone();
+  for (const auto& thing : scene_->adopted) LayThing(*thing, rig_.color, rays_, T_world_color, &shown);
+  return shown;
 }
 
 void Studio::UseDepth(const RoomPrediction& prediction) {
@@ -426,7 +453,7 @@ bool Studio::LearnStanding(const CapturedFrame& captured) {
   const bool first = predicted_ == 0;
   const RoomPrediction& prediction = room_view_->Look(frame.T_world_color);
   const bool moved = prediction.drawing != predicted_;
-  PredictRoom(prediction);
+  PredictRoom(prediction, frame.T_world_color);
   if (moved && !first) return false;
   HalfRgb(captured.color, &half_);
   frame.D = WarpDepth(captured);
@@ -472,7 +499,7 @@ void FrameStages::PredictRoom(Studio& s, Frame& f) {
   if (!s.room_view_) return;
   const RoomPrediction& prediction = s.room_view_->Look(f.T_world_color);
   if (!s.noise_.complete()) s.LearnNoise(*f.captured);
-  s.PredictRoom(prediction);
+  s.PredictRoom(prediction, f.T_world_color);
 }
 
 void FrameStages::WarpDepth(Studio& s, Frame& f) { f.D = s.WarpDepth(*f.captured); }
@@ -516,6 +543,16 @@ void FrameStages::KeyActor(Studio& s, Frame& f) {
               static_cast<float>(f.depth_age_s), View(f.label), View(f.alpha),
               s.regions_ ? &*s.regions_ : nullptr);
   s.JudgeClock(f);
+  const bool new_depth = f.captured->depth != nullptr && f.captured->depth != s.looked_at_;
+  s.looked_at_ = f.captured->depth;
+  if (auto thing = s.left_behind_.See(
+          {.T_world_color = f.T_world_color,
+           .picture = &s.half_,
+           .tone = s.key_->tone(),
+           .half_mask = &s.key_->half_mask(),
+           .new_depth_m = new_depth ? View(std::as_const(s.D_)) : ImageView<const float>()},
+          *s.room_))
+    s.thing_ = std::move(thing);
   if (s.room_view_ && !s.refined_.complete() && f.captured->capture_us >= s.refine_due_us_) {
     s.refine_due_us_ = f.captured->capture_us + kRefineUs;
     s.refined_.Add(s.half_, s.key_->tone(), s.key_->half_mask(), View(std::as_const(f.label)));

@@ -134,6 +134,7 @@ void LiveShow::RunFrames() {
     frame->captured = std::move(*captured);
     if (director_ != nullptr) {
       if (auto scene = director_->TakeScene()) studio_.SetScene(std::move(scene));
+      if (const auto at = director_->TakeLook()) studio_.LookForThing(at->u, at->v);
     }
     studio_.Run(*frame, times_);
     for (const PhysicsEvent& event : frame->events) {
@@ -143,6 +144,7 @@ void LiveShow::RunFrames() {
     if (director_ != nullptr) {
       director_->SeeRoom(studio_.view_room(), frame->T_world_view);
       if (auto moved = studio_.TakeMoved(); !moved.empty()) director_->SeeMoved(std::move(moved));
+      if (auto thing = studio_.TakeThing()) director_->SeeThing(std::move(*thing));
     }
     {
       const std::lock_guard lock(mutex_);

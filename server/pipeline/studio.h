@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "proto/geometry/rig.h"
@@ -30,6 +31,7 @@
 #include "server/segmentation/actor_surface.h"
 #include "server/segmentation/clock_offset.h"
 #include "server/segmentation/key.h"
+#include "server/segmentation/left_behind.h"
 #include "server/segmentation/predicted_background.h"
 #include "server/segmentation/refined_background.h"
 #include "server/segmentation/room_regions.h"
@@ -99,6 +101,12 @@ class Studio {
   [[nodiscard]] const std::shared_ptr<const Scene>& scene() const { return scene_; }
   // Objects that physics has moved since the last call, where they are now.
   [[nodiscard]] std::vector<MovedObject> TakeMoved();
+  // The next second looks for a thing left behind at this pixel (LeftBehind); what comes of it is there once.
+  // It is the room's when a scene lists it.
+  void LookForThing(double u, double v) { left_behind_.Look(u, v); }
+  [[nodiscard]] std::optional<Result<std::shared_ptr<const AdoptedThing>>> TakeThing() {
+    return std::exchange(thing_, std::nullopt);
+  }
   // What a scene without lights is drawn by.
   [[nodiscard]] DefaultLight DefaultLights() const;
   // D of a captured frame: for learning from a clean plate. Empty when the frame has no usable depth.
@@ -129,13 +137,16 @@ class Studio {
   friend struct FrameStages;
   explicit Studio(StudioSetup setup);
   void UseRoom(std::shared_ptr<const BackgroundModel> room, RoomState state);
+  void LayThings();
+  [[nodiscard]] const RoomPrediction& WithThings(const RoomPrediction& prediction,
+                                                 const RigidTransform& T_world_color);
   [[nodiscard]] RigidTransform PoseOf(const CapturedFrame& captured);
   // elsewhere: AvatarSetup::room, or null.
   Status OpenAvatar(AvatarSetup setup, const ScannedRoom* elsewhere);
   // When its depth was measured, by the clock of colour and never after it; it must have one.
   [[nodiscard]] std::int64_t DepthTime(const CapturedFrame& captured) const;
   void JudgeClock(const Frame& frame);
-  void PredictRoom(const RoomPrediction& prediction);
+  void PredictRoom(const RoomPrediction& prediction, const RigidTransform& T_world_color);
   void UseDepth(const RoomPrediction& prediction);
   void StartPhysics(const RigidTransform& T_scene_color, const RigidTransform& T_scene_world);
   void ShowRoomToPhysics(const RigidTransform& T_scene_color, const RigidTransform& T_scene_world);
@@ -171,10 +182,13 @@ class Studio {
   RefinedBackground refined_;
   int refine_at_ = 0;  // samples of refined_ from which room_ is made anew
   std::int64_t refine_due_us_ = 0;
+  RoomPrediction prediction_with_things_;
+  cv::Mat2f rays_;  // of the colour camera, once something was adopted
   // learn_room, key_actor, actor_surface
   HalfPicture half_;
   std::optional<RoomLearner> learner_;
   std::shared_ptr<const DepthPicture> learnt_depth_;
+  std::shared_ptr<const BackgroundModel> learnt_room_;  // without what was adopted; null with a scanned room
   std::shared_ptr<const BackgroundModel> room_;
   RoomState room_state_ = RoomState::kLearning;
   std::optional<RoomDepth> room_depth_;
@@ -182,6 +196,9 @@ class Studio {
   std::optional<RegionMask> regions_;
   std::optional<Key> key_;
   std::optional<ActorSurface> actor_surface_;
+  LeftBehind left_behind_;
+  std::shared_ptr<const DepthPicture> looked_at_;
+  std::optional<Result<std::shared_ptr<const AdoptedThing>>> thing_;
   ClockOffset clock_offset_;
   RigidTransform clock_pose_ = RigidTransform::Identity();
   std::int64_t depth_clock_us_ = 0;

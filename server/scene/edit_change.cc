@@ -20,6 +20,7 @@ constexpr double kFarthestOrigin = 1e5;  // what scene.yaml takes
 // Nothing on a stage is larger; a model that is was written in centimetres, millimetres, ...
 constexpr double kLargestModel = 10;
 constexpr double kLeastScale = 1e-4;  // what scene.yaml takes
+constexpr std::size_t kMostAdopted = 64;
 
 tl::unexpected<Error> Refuse(std::string sentence) { return Fail(ErrorCode::kBadInput, std::move(sentence)); }
 
@@ -235,6 +236,20 @@ struct Change {
         return Refuse("The avatar turns by 36000 degrees at most.");
       scene.avatar->turn_deg = std::remainder(*place.turn_deg, 360.0);
     }
+    return {};
+  }
+
+  Status operator()(const AdoptThing&) const {
+    MIX_CHECK(context.thing != nullptr);
+    if (scene.adopted.size() >= kMostAdopted)
+      return Refuse("64 things are the room's already: scan the room again, or forget them.");
+    scene.adopted.push_back(context.thing);
+    return {};
+  }
+
+  Status operator()(const ForgetThings&) const {
+    if (scene.adopted.empty()) return Refuse("Nothing was adopted into the room.");
+    scene.adopted.clear();
     return {};
   }
 

@@ -34,7 +34,8 @@ struct DefaultLight {
 // What an op reads beside the scene, and what the editor keeps for it from one edit to the next.
 struct EditContext {
   const RoomProbe& room;
-  const AddedModel* model;  // for `add`
+  const AddedModel* model;                           // for `add`
+  const std::shared_ptr<const AdoptedThing>& thing;  // for `adopt`
   const DefaultLight& default_light;
   double room_m;                             // no object or light farther than this from the origin
   std::map<std::uint32_t, StandOf>& stands;  // by object

@@ -15,6 +15,7 @@
 #include "server/scene/avatar.h"
 #include "server/scene/mesh.h"
 #include "server/scene/placing.h"
+#include "server/segmentation/left_behind.h"
 
 namespace mixstage {
 
@@ -128,6 +129,8 @@ struct Scene {
   std::vector<Reflector> reflectors;
   std::vector<Reaction> reactions;
   std::optional<Avatar> avatar;  // nothing: the actor stays where he is. World scenes only
+  // Things left behind that are the room's now, in the order of their commands; no part of scene.yaml.
+  std::vector<std::shared_ptr<const AdoptedThing>> adopted;
   std::uint64_t revision =
       1;  // whoever changes the scene raises it; pictures drawn of an older one are stale
 };

@@ -55,7 +55,7 @@ SceneEditor::SceneEditor(Scene scene, DefaultLight default_light, SceneEditorLim
 }
 
 Status SceneEditor::Apply(const WatchEdit& edit, const EditSource& source, const RoomProbe& room,
-                          const AddedModel* model) {
+                          const AddedModel* model, const std::shared_ptr<const AdoptedThing>& thing) {
   if (std::holds_alternative<UndoEdit>(edit.op) || std::holds_alternative<RedoEdit>(edit.op)) {
     CloseDrag();
     const bool undo = std::holds_alternative<UndoEdit>(edit.op);
@@ -70,6 +70,7 @@ Status SceneEditor::Apply(const WatchEdit& edit, const EditSource& source, const
   const Status done = ChangeScene(edit.op, changed,
                                   {.room = room,
                                    .model = model,
+                                   .thing = thing,
                                    .default_light = default_light_,
                                    .room_m = limits_.room_m,
                                    .stands = stands_,
@@ -89,7 +90,10 @@ Status SceneEditor::Apply(const WatchEdit& edit, const EditSource& source, const
   } else {
     CloseDrag();
     PushUndo(now_);
-    Become(std::move(changed), ++content_);
+    // What the room is made of is no part of the scene's file.
+    const bool in_file =
+        !std::holds_alternative<AdoptThing>(edit.op) && !std::holds_alternative<ForgetThings>(edit.op);
+    Become(std::move(changed), in_file ? ++content_ : now_.content);
   }
   redo_.clear();
   MarkEdited(source);
@@ -178,6 +182,7 @@ WatchScene SceneEditor::Message() {
     out.hidden = object.hidden;
     message.objects.push_back(std::move(out));
   }
+  message.adopted = scene.adopted.size();
   if (const auto& avatar = scene.avatar) {
     message.avatar = {{avatar->anchor.x(), avatar->anchor.y()}, ToArray(avatar->position), avatar->turn_deg};
   }

@@ -39,9 +39,9 @@ class SceneEditor {
   SceneEditor(Scene scene, DefaultLight default_light, SceneEditorLimits limits = {});
 
   // Does one edit, all of it or nothing: a refusal is kBadInput, a sentence for its author. model: for `add`,
-  // else not read. `save` is the caller's: it is none of these ops here (checked).
+  // else not read; thing: for `adopt`. `save` is the caller's: it is none of these ops here (checked).
   Status Apply(const WatchEdit& edit, const EditSource& source, const RoomProbe& room,
-               const AddedModel* model = nullptr);
+               const AddedModel* model = nullptr, const std::shared_ptr<const AdoptedThing>& thing = nullptr);
 
   // Where physics has brought objects since: no step of undo, nothing to save. Those that a person has put
   // somewhere since are left alone.

@@ -136,6 +136,38 @@ TEST(Director, AModelIsAddedWhereTheRoomHasASurface) {
   EXPECT_THAT(RefusalOf(a, 3), HasSubstr("none of the models"));
 }
 
+TEST(Director, AThingIsAdoptedWhenTheFramesHaveSeenIt) {
+  Show show;
+  TestViewer a(show.gateway->port());
+  EXPECT_FALSE(show.director->TakeLook());
+  Send(a, 1, AdoptThing{{100, 200}});
+  std::optional<PicturePoint> look;
+  ASSERT_TRUE(Eventually([&] { return (look = show.director->TakeLook()).has_value(); }));
+  EXPECT_EQ(*look, (PicturePoint{100, 200}));
+  Send(a, 2, AdoptThing{{1, 2}});
+  EXPECT_THAT(RefusalOf(a, 2), HasSubstr("Another thing"));
+  show.director->SeeThing(Fail(ErrorCode::kBadInput, "It moves."));
+  EXPECT_EQ(RefusalOf(a, 1), "It moves.");
+
+  Send(a, 3, AdoptThing{{100, 200}});
+  ASSERT_TRUE(Eventually([&] { return show.director->TakeLook().has_value(); }));
+  show.director->SeeThing(std::make_shared<const AdoptedThing>());
+  const auto adopted = SceneWhere(a, [](const WatchScene& s) { return s.adopted == 1; });
+  ASSERT_TRUE(adopted);
+  EXPECT_TRUE(adopted->can_undo && !adopted->unsaved);
+  std::shared_ptr<const Scene> scene;
+  ASSERT_TRUE(Eventually([&] { return (scene = show.director->TakeScene()) != nullptr; }));
+  EXPECT_EQ(scene->adopted.size(), 1);
+  Send(a, 4, UndoEdit{});
+  ASSERT_TRUE(SceneWhere(a, [](const WatchScene& s) { return s.adopted == 0 && s.can_redo; }));
+  Send(a, 5, RedoEdit{});
+  ASSERT_TRUE(SceneWhere(a, [](const WatchScene& s) { return s.adopted == 1; }));
+  Send(a, 6, ForgetThings{});
+  ASSERT_TRUE(SceneWhere(a, [](const WatchScene& s) { return s.adopted == 0; }));
+  Send(a, 7, ForgetThings{});
+  EXPECT_THAT(RefusalOf(a, 7), HasSubstr("Nothing was adopted"));
+}
+
 TEST(Director, AFileThatHasJustBeenPutThereCanBeAdded) {
   Show show;
   show.SeeFloor();

@@ -17,6 +17,10 @@ export type EditOp =
   | { op: 'light'; light: number; position?: Vector3; color?: Vector3; intensity?: number }
   /** `turn_deg` is what it is from now on. */
   | { op: 'avatar'; position?: Vector3; turn_deg?: number }
+  /** What stands still there in the foreground becomes the room's. */
+  | { op: 'adopt'; u: number; v: number }
+  /** All that was adopted is foreground again. */
+  | { op: 'forget' }
   | { op: 'undo' }
   | { op: 'redo' }
   | { op: 'save' };

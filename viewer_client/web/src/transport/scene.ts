@@ -71,6 +71,8 @@ export interface Scene {
   objects: SceneObject[];
   lights: SceneLight[];
   avatar?: SceneAvatar;
+  /** Things left behind that are the room's now; missing where there are none. */
+  adopted?: number;
   /** Files that may be added. */
   models: string[];
 }
@@ -130,6 +132,7 @@ export function sceneOf(record: JsonRecord): Scene {
     objects: recordsAt(record, 'objects').map(objectOf),
     lights: recordsAt(record, 'lights').map(lightOf),
     models: textsAt(record, 'models'),
+    ...('adopted' in record ? { adopted: amountAt(record, 'adopted') } : {}),
     ...('avatar' in record ? { avatar: avatarOf(recordOf(record['avatar'], 'avatar')) } : {}),
   };
 }

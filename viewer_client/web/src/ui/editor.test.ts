@@ -53,6 +53,16 @@ describe('the editor', () => {
     ]);
   });
 
+  it('adopts what is clicked, once, and only for a director', () => {
+    editor.place({ what: 'adopt' });
+    expect(editor.pressProgram(100, 200)).toBe(false);
+    expect(sent).toEqual([{ type: 'edit', id: 1, op: 'adopt', u: 100, v: 200 }]);
+    expect(editor.placing).toBeNull();
+    editor.setHello('viewer', kPinhole);
+    editor.place({ what: 'adopt' });
+    expect(editor.placing).toBeNull();
+  });
+
   it('sends nothing for a click, even one that shakes a little', () => {
     const [u, v] = onBox();
     editor.pressProgram(u, v);

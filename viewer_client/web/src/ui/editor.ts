@@ -26,7 +26,7 @@ import type { Step } from './nudge_keys';
 import { changeOf } from './scene_change';
 
 /** What the next click into the program does. */
-export type Placing = { what: 'add'; file: string } | { what: 'move'; object: number };
+export type Placing = { what: 'add'; file: string } | { what: 'move'; object: number } | { what: 'adopt' };
 
 export interface EditorHandlers {
   /** Scene, selection, role or what is being placed has changed. */
@@ -57,6 +57,17 @@ const kDragFrom_px = 4;
 const kEcho_ms = 1500;
 // Steps that follow each other so soon go on from the last one, whatever the server has told meanwhile.
 const kSteps_ms = 1000;
+
+function opOf(placing: Placing, u: number, v: number): EditOp {
+  switch (placing.what) {
+    case 'add':
+      return { op: 'add', file: placing.file, u, v };
+    case 'move':
+      return { op: 'move', object: placing.object, u, v };
+    case 'adopt':
+      return { op: 'adopt', u, v };
+  }
+}
 
 /** The scene as the server last told it, what is selected in it, and what a director's hand does to it. */
 export class Editor {
@@ -206,11 +217,7 @@ export class Editor {
     const placing = this.#placing;
     if (placing !== null) {
       this.#placing = null;
-      this.do(
-        placing.what === 'add'
-          ? { op: 'add', file: placing.file, u, v }
-          : { op: 'move', object: placing.object, u, v },
-      );
+      this.do(opOf(placing, u, v));
       this.#handlers.onChange();
       return false;
     }

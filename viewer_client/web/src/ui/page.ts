@@ -315,7 +315,9 @@ export class Page {
     this.#panes.program.frame.classList.toggle('placing-here', placing !== null);
     this.#placing.hidden = placing === null;
     const what = placing?.what === 'add' ? placing.file : (selected?.name ?? 'it');
-    setText(this.#placing, `Click where ${what} shall stand. Esc: not now.`);
+    const place = `Click where ${what} shall stand. Esc: not now.`;
+    const adopt = 'Click the thing left behind, and nobody touch it for a second. Esc: not now.';
+    setText(this.#placing, placing?.what === 'adopt' ? adopt : place);
     publishScene(document.documentElement, scene);
     this.#showRing();
   }

@@ -23,6 +23,7 @@ describe('a change of the scene', () => {
     ['changed lamp', { ...kScene, lights: [{ ...kLamp, intensity: 2 }] }],
     ['moved lamp', { ...kScene, lights: [{ ...kLamp, position: [1, 0, 2] }] }],
     ['turned the actor', { ...kScene, avatar: { position: [1, 0, 0], turn_deg: 30 } }],
+    ['made a thing part of the room', { ...kScene, adopted: 1 }],
     ['changed 2 things', { ...withStatue({ hidden: true }), lights: [{ ...kLamp, intensity: 2 }] }],
     [null, { ...kScene, revision: 2, can_undo: true }],
   ] as [string | null, Scene][])('is said as: %s', (sentence, after) =>

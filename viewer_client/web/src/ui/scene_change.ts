@@ -43,6 +43,8 @@ export function changeOf(before: Scene, after: Scene): string | null {
     if (differs(was.position, is.position)) done.push('moved the actor');
     else if (was.turn_deg !== is.turn_deg) done.push('turned the actor');
   }
+  const adopted = (after.adopted ?? 0) - (before.adopted ?? 0);
+  if (adopted !== 0) done.push(adopted > 0 ? 'made a thing part of the room' : 'forgot things of the room');
   if (done.length === 0) return saved;
   return done.length === 1 ? (done[0] ?? null) : `changed ${done.length} things`;
 }

@@ -7,6 +7,7 @@ import type { Editor } from './editor';
 import { icon } from './icons';
 import { LightList } from './light_list';
 import { stepOf } from './nudge_keys';
+import { ThingsRow } from './things_row';
 import { toolButton } from './tool_button';
 
 const kNoticeStays_ms = 6000;
@@ -22,12 +23,13 @@ interface Row {
 /** The scene in the rail: its objects, its lights, what may be added; undo, redo, save. A viewer sees no handles. */
 export class SceneSection {
   readonly root: HTMLElement;
-  /** What goes with it: lights, the actor elsewhere. */
+  /** What goes with it: lights, the actor elsewhere, things left behind. */
   readonly parts: readonly HTMLElement[];
   readonly #editor: Editor;
   readonly #add: AddMenu;
   readonly #lights: LightList;
   readonly #avatar: AvatarRow;
+  readonly #things: ThingsRow;
   readonly #list = el('ul', { class: 'objects', testid: 'objects' });
   readonly #empty = el('p', { class: 'quiet' });
   readonly #tools: HTMLElement;
@@ -53,7 +55,8 @@ export class SceneSection {
     this.#add = new AddMenu((file) => editor.place({ what: 'add', file }));
     this.#lights = new LightList(editor);
     this.#avatar = new AvatarRow(editor);
-    this.parts = [this.#lights.root, this.#avatar.root];
+    this.#things = new ThingsRow(editor);
+    this.parts = [this.#lights.root, this.#avatar.root, this.#things.root];
     this.#undo.addEventListener('click', () => editor.do({ op: 'undo' }));
     this.#redo.addEventListener('click', () => editor.do({ op: 'redo' }));
     this.#save.addEventListener('click', () => editor.do({ op: 'save' }));
@@ -85,6 +88,7 @@ export class SceneSection {
     setText(this.#empty, scene === null ? 'Waiting for the scene...' : nothing);
     this.#lights.update();
     this.#avatar.update();
+    this.#things.update();
     if (scene === null) return this.#showRows([]);
     this.#add.setModels(scene.models);
     this.#add.setPlacing(placing?.what === 'add');
