@@ -56,6 +56,7 @@ void ActorSurface::Run(const cv::Mat1b& mask, ImageView<const float> depth_m, co
   surface_.create(mask.size());
   if (depth_m.empty() || cv::countNonZero(mask) == 0) {
     has_before_ = false;
+    last_m_ = 0;
     surface_.setTo(0);
     return;
   }
@@ -83,6 +84,7 @@ void ActorSurface::Run(const cv::Mat1b& mask, ImageView<const float> depth_m, co
   for (int round = 0; round < config_.smoothing_rounds; ++round) Smooth(round + 1);
   LearnSpeed(instant.measured_us);
   FillHoles();
+  StandSomewhere(model);
   Advance(instant.age_s);
   cv::resize(depth_, surface_, {2 * depth_.cols, 2 * depth_.rows}, 0, 0, cv::INTER_LINEAR);
   if (surface_.size() != mask.size()) surface_ = surface_(cv::Rect({0, 0}, mask.size())).clone();
@@ -170,6 +172,28 @@ void ActorSurface::Smooth(int step) {
       depth_(y, x) = sum / weights;
     }
   }
+}
+
+// He walks in or out where the depth camera does not look.
+void ActorSurface::StandSomewhere(const BackgroundModel& model) {
+  const float known = sum_.back()(0, 0), count = count_.back()(0, 0);
+  if (count > 0) {
+    last_m_ = known / count;
+    return;
+  }
+  float z = last_m_;
+  const int feet = box_.br().y - 1;
+  if (z <= 0 && model.has_depth()) {
+    const float* room = model.room_depth_m.ptr<float>(feet);
+    int x = box_.x;
+    while (x < box_.br().x - 1 && around_(feet, x) == 0) ++x;
+    // Beside it, where the room is not known there: a floor is as far away at the same height.
+    for (int step = 0; step < depth_.cols && z <= 0; ++step) {
+      if (x - step >= 0) z = room[x - step];
+      if (z <= 0 && x + step < depth_.cols) z = room[x + step];
+    }
+  }
+  if (z > 0) depth_.setTo(z, around_);
 }
 
 // Two depth pictures, both where he is seen now: what lies between them is his step along the view. A block's

@@ -42,8 +42,9 @@ class ActorSurface {
   void Run(const cv::Mat1b& mask, ImageView<const float> depth_m, const BackgroundModel& model,
            const DepthInstant& instant = {});
 
-  // Of the last Run, [Half(h) x Half(w)]: z in metres > 0 at every pixel of the mask, 0 outside. All 0 where
-  // depth saw nothing of him at all.
+  // Of the last Run, [Half(h) x Half(w)]: z in metres > 0 at every pixel of the mask, 0 outside. Where depth
+  // saw nothing of him at all: where he was last, else where his feet meet the room (the room's depth at his
+  // lowest pixel, or beside it); all 0 where that is not known either.
   [[nodiscard]] const cv::Mat1f& depth_m() const { return surface_; }
 
  private:
@@ -56,6 +57,7 @@ class ActorSurface {
   void Advance(double age_s);
   float FromPyramid(int x, int y, std::size_t level) const;
   void FillHoles();
+  void StandSomewhere(const BackgroundModel& model);
 
   ActorSurfaceConfig config_;
   cv::Mat1f depth_, sigma_, scratch_, surface_;  // depth_, sigma_, scratch_ [Quarter(h) x Quarter(w)]
@@ -64,6 +66,7 @@ class ActorSurface {
   cv::Mat1f speed_, pace_;                       // [blocks], [Quarter] m/s away from the camera
   std::int64_t measured_us_ = 0;                 // of depth_
   bool has_before_ = false;
+  float last_m_ = 0;  // of what was known of him last; 0 = nothing since he came
   std::vector<float> steps_, all_steps_;
   cv::Rect box_;                        // of around_: nothing outside is touched
   std::vector<cv::Mat1f> sum_, count_;  // pyramid of what is known, [0] = Quarter

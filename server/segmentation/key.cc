@@ -88,7 +88,10 @@ void Key::Run(const BackgroundModel& model, ImageView<const std::uint8_t> luma, 
   FindColorEvidence(picture, model, tone_, config_.shadow, texture_, likelihood_, &color_);
   EnlargeEvidence(most_, 1 / kEvidencePerByte, kNoEvidence, half, &most_small_, &most_bytes_);
   cv::min(cv::InputArray(color_.shadow), most_bytes_, color_.shadow);
+  // Of the windows that hold a pixel the one that is most of all the room: others reach across an outline,
+  // and a gap between arm and body is narrow.
   room_mean_.Run(color_.room, &room_around_);
+  cv::erode(room_around_, room_around_, cv::getStructuringElement(cv::MORPH_RECT, {3, 3}));
   Fuse({color_.room, room_around_, color_.shadow, depth_, inside_, config_.actor_prior, config_.room_weight},
        &evidence_);
   if (regions != nullptr) {

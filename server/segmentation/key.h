@@ -74,12 +74,12 @@ class Key {
   RegionFilter region_filter_;
   EdgeCoverage edge_coverage_;
   ColorEvidence color_;
-  BoxMean room_mean_{2};
-  cv::Mat1f texture_, kept_;              // [Quarter x Quarter] of ShadowTexture
-  cv::Mat1f most_;                        // [Quarter x Quarter] log-odds against "the room in another light"
-  cv::Mat1b most_small_, most_bytes_;     // as bytes, the second at half size
-  cv::Mat1b likelihood_, core_;           // [Half x Half]
-  cv::Mat1b room_around_;                 // [Half x Half] mean of color_.room over 5x5
+  BoxMean room_mean_{1};
+  cv::Mat1f texture_, kept_;           // [Quarter x Quarter] of ShadowTexture
+  cv::Mat1f most_;                     // [Quarter x Quarter] log-odds against "the room in another light"
+  cv::Mat1b most_small_, most_bytes_;  // as bytes, the second at half size
+  cv::Mat1b likelihood_, core_;        // [Half x Half]
+  cv::Mat1b room_around_;  // [Half x Half] least mean of color_.room over 3x3 that holds the pixel
   cv::Mat1b depth_small_, inside_small_;  // [Quarter x Quarter] as bytes
   cv::Mat1b depth_, inside_;              // the same at half size
   cv::Mat1b evidence_, decision_;         // [Half x Half]

@@ -39,6 +39,21 @@ TEST_F(ActorSurfaceTest, IsCompleteInsideTheMatteAndZeroOutside) {
   }
 }
 
+TEST_F(ActorSurfaceTest, WhereDepthDoesNotLookHeStandsOnTheFloorOrWhereHeWasLast) {
+  // The floor under his feet, 3 m away, is known beside him alone; of him depth sees nothing.
+  model_.room_depth_m(cv::Rect(30, 0, 50, 96)).setTo(0);
+  model_.room_depth_m(cv::Rect(0, 68, 30, 6)).setTo(3.0f);
+  room_.PaintDepth(kActor, 0);
+  Run();
+  EXPECT_NEAR(At(220, 180), 3.0f, 1e-3f);
+  room_.PaintDepth({170, 90, 100, 180}, 2.2f);
+  Run();
+  EXPECT_NEAR(At(220, 180), 2.2f, 0.02f);
+  room_.PaintDepth(kActor, 0);
+  Run();
+  EXPECT_NEAR(At(220, 180), 2.2f, 0.02f);
+}
+
 TEST_F(ActorSurfaceTest, DropsAFlyingPixel) {
   room_.PaintDepth({200, 160, 4, 4}, 3.4f);
   Run();
