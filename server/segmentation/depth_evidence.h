@@ -15,8 +15,9 @@ struct DepthEvidenceConfig {
   float most = 5.0f;         // log-odds at which "in front of the room" saturates
   float least = -3.0f;       // the same for "is the room"
   float edge_weight = 0.5f;  // 0..1: what depth's word is worth within reach of its own outline
-  float actor_speed_m_s =
-      1.5f;  // of a walking actor: with the depth's age, how far his outline may have moved on
+  // What moving depth to the picture's instant leaves of an actor's 1.5 m/s: with the depth's age, how far
+  // his outline may have moved on.
+  float actor_speed_m_s = 0.5f;
 };
 
 // All [Quarter(h) x Quarter(w)].
