@@ -486,6 +486,18 @@ void Studio::JudgeClock(const Frame& frame) {
                1e3 * found->offset_s, 1e3 * found->sigma_s);
 }
 
+// A scanned room is seen from wherever the head says; a learnt one from one place alone.
+void Studio::JudgeNudge() {
+  if (!learnt_room_ || room_state_ != RoomState::kKnown) return;
+  const auto shift_px = camera_nudge_.See(half_, *learnt_room_);
+  if (!shift_px) return;
+  nudge_px_ = std::hypot(shift_px->x, shift_px->y);
+  spdlog::warn("camera nudged_px={:.1f}: the empty set is moved along; learn it anew when it is empty",
+               nudge_px_);
+  learnt_room_ = std::make_shared<const BackgroundModel>(MovedAlong(*learnt_room_, *shift_px));
+  LayThings();
+}
+
 std::shared_ptr<const BackgroundModel> Studio::standing_room() const {
   if (avatar_) return avatar_->room();
   return room_view_ && standing_frames_ < kStandingFrames ? nullptr : room_;
@@ -543,6 +555,7 @@ void FrameStages::KeyActor(Studio& s, Frame& f) {
               static_cast<float>(f.depth_age_s), View(f.label), View(f.alpha),
               s.regions_ ? &*s.regions_ : nullptr);
   s.JudgeClock(f);
+  s.JudgeNudge();
   const bool new_depth = f.captured->depth != nullptr && f.captured->depth != s.looked_at_;
   s.looked_at_ = f.captured->depth;
   if (auto thing = s.left_behind_.See(

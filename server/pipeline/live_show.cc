@@ -20,7 +20,8 @@ constexpr std::int64_t kStatsWindowUs = 10'000'000;
 constexpr std::int64_t kRateWindowUs = 2'000'000;  // of fps and bitrate
 constexpr auto kStatsPeriod = std::chrono::milliseconds(500);
 constexpr std::int64_t kGreetPauseUs = 1'000'000;
-constexpr std::int64_t kSilentUs = 3'000'000;     // an agent not heard for this long is gone
+constexpr std::int64_t kSilentUs = 3'000'000;  // an agent not heard for this long is gone
+constexpr std::int64_t kNudgeToldUs = 60'000'000;
 constexpr std::int64_t kScanToldUs = 60'000'000;  // after a scan's last word
 constexpr std::int64_t kStalledUs = 2'000'000;    // no colour for this long: say so
 // 12.5 Hz, less half a colour frame: capture times tremble.
@@ -150,6 +151,10 @@ void LiveShow::RunFrames() {
       const std::lock_guard lock(mutex_);
       if (studio_.scene()) scene_revision_ = studio_.scene()->revision;
       room_state_ = studio_.room_state();
+      if (const double nudge_px = studio_.TakeNudge_px(); nudge_px > 0) {
+        nudge_px_ = nudge_px;
+        nudged_us_ = MonotonicMicros();
+      }
       if (studio_.depth_clock())
         depth_clock_ms_ = 1e-3 * static_cast<double>(studio_.depth_clock_applied_us());
       T_scene_color_ = studio_.TSceneColor(*frame);
@@ -236,9 +241,11 @@ WatchStats LiveShow::Stats() const {
   stats.depth_age_s = in.last_depth_us > 0 ? static_cast<double>(now_us - in.last_depth_us) * 1e-6 : 0;
   for (const auto& [reason, count] : in.drops) stats.drops[reason] += static_cast<std::uint64_t>(count);
   RoomState room_state{};
+  double nudge_px = 0;
   {
     const std::lock_guard lock(mutex_);
     room_state = room_state_;
+    if (nudge_px_ > 0 && now_us - nudged_us_ < kNudgeToldUs) nudge_px = nudge_px_;
     stats.depth_clock_ms = depth_clock_ms_;
     stats.frames = static_cast<std::uint64_t>(frames_);
     for (const auto& [reason, count] : drops_) stats.drops[reason] += static_cast<std::uint64_t>(count);
@@ -321,6 +328,10 @@ WatchStats LiveShow::Stats() const {
             : Sentence("Depth stopped %.0f s ago: the key works by colour alone.", stats.depth_age_s);
   } else {
     stats.state = "live";
+    if (nudge_px > 0)
+      stats.message = Sentence(
+          "The camera was nudged by %.0f px: the empty set was moved along. Learn it anew when it is empty.",
+          nudge_px);
   }
   return stats;
 }

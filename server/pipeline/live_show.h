@@ -105,6 +105,8 @@ class LiveShow {
   std::map<std::string, std::int64_t> drops_;
   std::deque<PhysicsEvent> contacts_;  // the newest first, at most kMaxStatsContacts
   RoomState room_state_ = RoomState::kLearning;
+  double nudge_px_ = 0;  // of the camera, the last one
+  std::int64_t nudged_us_ = 0;
   std::optional<double> depth_clock_ms_;         // what is added to depth's times
   std::optional<RigidTransform> T_scene_color_;  // of the last frame
   std::uint64_t scene_revision_ = 0;             // of the scene that the last frame showed; 0 = none

@@ -29,6 +29,7 @@
 #include "server/scene/edit_change.h"
 #include "server/scene/scene.h"
 #include "server/segmentation/actor_surface.h"
+#include "server/segmentation/camera_nudge.h"
 #include "server/segmentation/clock_offset.h"
 #include "server/segmentation/key.h"
 #include "server/segmentation/left_behind.h"
@@ -130,6 +131,9 @@ class Studio {
   }
   // What is added to depth's times because of it.
   [[nodiscard]] std::int64_t depth_clock_applied_us() const { return depth_clock_us_; }
+  // By how much, in pixels, a camera that should stand was nudged since the last call; 0 = it was not. The
+  // learnt room was moved along.
+  [[nodiscard]] double TakeNudge_px() { return std::exchange(nudge_px_, 0.0); }
   // Depth pictures that could not be warped (their size is not the rig's).
   [[nodiscard]] std::int64_t unusable_depths() const { return unusable_depths_; }
 
@@ -146,6 +150,7 @@ class Studio {
   // When its depth was measured, by the clock of colour and never after it; it must have one.
   [[nodiscard]] std::int64_t DepthTime(const CapturedFrame& captured) const;
   void JudgeClock(const Frame& frame);
+  void JudgeNudge();
   void PredictRoom(const RoomPrediction& prediction, const RigidTransform& T_world_color);
   void UseDepth(const RoomPrediction& prediction);
   void StartPhysics(const RigidTransform& T_scene_color, const RigidTransform& T_scene_world);
@@ -199,6 +204,8 @@ class Studio {
   LeftBehind left_behind_;
   std::shared_ptr<const DepthPicture> looked_at_;
   std::optional<Result<std::shared_ptr<const AdoptedThing>>> thing_;
+  CameraNudge camera_nudge_;
+  double nudge_px_ = 0;
   ClockOffset clock_offset_;
   RigidTransform clock_pose_ = RigidTransform::Identity();
   std::int64_t depth_clock_us_ = 0;

@@ -32,6 +32,19 @@ void EnlargeEvidence(const cv::Mat1f& from, float scale, float offset, cv::Size 
   EnlargeTwice(*small, View(*to));
 }
 
+// Nearly all of the picture: its colours say nothing.
+bool IsClipped(const HalfPicture& picture) {
+  constexpr int kStep = 8, kClippedFrom = 246;
+  int all = 0, clipped = 0;
+  for (int y = 0; y < picture.height(); y += kStep) {
+    for (int x = 0; x < picture.width(); x += kStep) {
+      ++all;
+      clipped += std::min({picture.r(y, x), picture.g(y, x), picture.b(y, x)}) >= kClippedFrom ? 1 : 0;
+    }
+  }
+  return clipped > 0.9 * all;
+}
+
 }  // namespace
 
 Result<Key> Key::Create(const KeyConfig& c) {
@@ -86,6 +99,10 @@ void Key::Run(const BackgroundModel& model, ImageView<const std::uint8_t> luma, 
     inside_.setTo(0);
   }
   FindColorEvidence(picture, model, tone_, config_.shadow, texture_, likelihood_, &color_);
+  if (IsClipped(picture)) {
+    color_.room.setTo(kNoEvidence);
+    color_.shadow.setTo(kNoEvidence);
+  }
   EnlargeEvidence(most_, 1 / kEvidencePerByte, kNoEvidence, half, &most_small_, &most_bytes_);
   cv::min(cv::InputArray(color_.shadow), most_bytes_, color_.shadow);
   // Of the windows that hold a pixel the one that is most of all the room: others reach across an outline,

@@ -43,8 +43,8 @@ void Collect(const HalfPicture& picture, const std::array<cv::Mat1f, 3>& mean, c
 // The most frequent ratio: survives actors and shadows that cover up to half of the picture.
 float CommonRatio(const std::array<float, kMaxPoints>& room, const std::array<float, kMaxPoints>& now,
                   int count) {
-  constexpr int kBins = 240;
-  constexpr float kLow = 0.4f, kHigh = 1.6f;
+  constexpr int kBins = 560;
+  constexpr float kLow = 0.2f, kHigh = 3.0f;  // lamps that are switched, too
   std::array<int, kBins> histogram{};
   for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
     const float ratio = (now[i] + 2) / (room[i] + 2);

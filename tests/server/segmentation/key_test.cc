@@ -96,6 +96,40 @@ TEST_F(KeyTest, AutoExposureDoesNotKeyTheRoom) {
   }
 }
 
+TEST_F(KeyTest, ALightSwitchedFromOnePictureToTheNextKeysHimAlone) {
+  for (const float gain : {1.0f, 0.5f, 1.7f, 0.4f}) {
+    room_.Shoot(gain);
+    room_.PaintColor(kActor, 10, 15, 160);
+    room_.PaintDepth(kActor, 2.0f);
+    Run(room_.Depth());
+    EXPECT_GT(Share(kActor, kLabelActor), 0.98) << gain;
+    EXPECT_LT(cv::countNonZero(alpha_ >= 128), 1.04 * kActor.area()) << gain;
+  }
+}
+
+TEST_F(KeyTest, WithASaturatedOrDarkPictureDepthKeysHim) {
+  for (const int level : {255, 3}) {
+    room_.Shoot();
+    room_.PaintColor({0, 0, 512, 384}, level, level, level);
+    Run(room_.Depth());
+    EXPECT_LT(cv::countNonZero(alpha_ >= 128), 20) << level;
+    room_.PaintDepth(kActor, 2.0f);
+    Run(room_.Depth());
+    const cv::Rect inside(kActor.x + 24, kActor.y + 24, kActor.width - 48, kActor.height - 48);
+    EXPECT_GT(Share(inside, kLabelActor), 0.98) << level;
+  }
+}
+
+TEST_F(KeyTest, AViewThatIsCoveredIsInFrontByDepth) {
+  room_.PaintColor({0, 0, 512, 384}, 60, 40, 30);
+  room_.PaintDepth({0, 0, 512, 384}, 0.5f);
+  Run(room_.Depth());
+  EXPECT_GT(Share({0, 0, 512, 384}, kLabelActor), 0.98);
+  room_.Shoot();
+  Run(room_.Depth());
+  EXPECT_LT(cv::countNonZero(alpha_ >= 128), 20) << "and the room is the room again";
+}
+
 TEST_F(KeyTest, ActorWhoStandsStillIsNotAbsorbed) {
   for (int frame = 0; frame < 100; ++frame) {
     room_.Shoot();

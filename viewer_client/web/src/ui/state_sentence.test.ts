@@ -40,6 +40,11 @@ const situation = (changes: Partial<Situation>): Situation => ({ ...kLive, ...ch
 describe('the state', () => {
   it('is live only with a fresh picture, and then says nothing', () => {
     expect(stateOf(kLive)).toEqual({ word: 'LIVE', tone: 'live', sentence: '', advice: '' });
+    expect(stateOf(situation({ stats: stats('live', 'The camera was nudged.') }))).toMatchObject({
+      word: 'LIVE',
+      tone: 'warning',
+      sentence: 'The camera was nudged.',
+    });
     expect(stateOf(situation({ picture: { age_s: 3.7 } }))).toMatchObject({
       word: 'NO PICTURE',
       sentence: 'No new picture for 3 s.',

@@ -75,8 +75,10 @@ function ofServer(stats: Stats, picture: Picture): State {
         'warning',
         says(`Depth stopped ${span(stats.depth_age_s)} ago: the key holds the last matte.`),
       );
-    case 'live':
-      return ofPicture(picture);
+    case 'live': {
+      const shown = ofPicture(picture);
+      return stats.message === '' || shown.tone !== 'live' ? shown : state('LIVE', 'warning', stats.message);
+    }
   }
 }
 
