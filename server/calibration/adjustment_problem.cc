@@ -3,9 +3,11 @@
 
 #include <ceres/ceres.h>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numbers>
 
 namespace mixstage {
@@ -24,6 +26,51 @@ Eigen::MatrixXd NormalMatrix(const ceres::CRSMatrix& J) {
   // A row's columns rise within a block but not across blocks: either triangle may hold an entry.
   const Eigen::MatrixXd both = H + H.transpose();
   return both - Eigen::MatrixXd(H.diagonal().asDiagonal());
+}
+
+// What each board says of the cameras where all of them agree best: the sum of these pulls is zero, their
+// spread is what boards contradict each other by.
+struct BoardPull {
+  Eigen::VectorXd pull;     // gradient by the cameras' numbers, its own pose marginalised
+  Eigen::MatrixXd expects;  // covariance of it if the pixels' (corners') noise is all there is
+};
+
+// covariance: of the cameras' numbers by all boards together.
+std::vector<BoardPull> PullsOfBoards(const ceres::CRSMatrix& J, const std::vector<double>& residuals,
+                                     Eigen::Index camera_columns, const Eigen::MatrixXd& covariance) {
+  std::map<int, std::vector<int>> rows_of;  // by the first column of the board's pose
+  for (int row = 0; row < J.num_rows; ++row) {
+    int board = -1;
+    for (int a = J.rows[static_cast<std::size_t>(row)]; a < J.rows[static_cast<std::size_t>(row) + 1]; ++a) {
+      const int column = J.cols[static_cast<std::size_t>(a)];
+      if (column >= camera_columns) board = static_cast<int>((column - camera_columns) / 6);
+    }
+    if (board >= 0) rows_of[board].push_back(row);
+  }
+  std::vector<BoardPull> pulls;
+  for (const auto& [board, rows] : rows_of) {
+    const Eigen::Index n = camera_columns + 6;
+    Eigen::MatrixXd H = Eigen::MatrixXd::Zero(n, n);
+    Eigen::VectorXd g = Eigen::VectorXd::Zero(n);
+    Eigen::VectorXd dense(n);
+    for (const int row : rows) {
+      dense.setZero();
+      for (int a = J.rows[static_cast<std::size_t>(row)]; a < J.rows[static_cast<std::size_t>(row) + 1];
+           ++a) {
+        const int column = J.cols[static_cast<std::size_t>(a)];
+        dense(column < camera_columns ? column : column - 6 * board) = J.values[static_cast<std::size_t>(a)];
+      }
+      H.selfadjointView<Eigen::Lower>().rankUpdate(dense);
+      g += residuals[static_cast<std::size_t>(row)] * dense;
+    }
+    const Eigen::MatrixXd by_pose = H.bottomLeftCorner(6, camera_columns);
+    const Eigen::LDLT<Eigen::MatrixXd, Eigen::Lower> pose(Eigen::MatrixXd(H.bottomRightCorner(6, 6)));
+    Eigen::MatrixXd S = H.topLeftCorner(camera_columns, camera_columns).selfadjointView<Eigen::Lower>();
+    S -= by_pose.transpose() * pose.solve(by_pose);
+    pulls.push_back(
+        {g.head(camera_columns) - by_pose.transpose() * pose.solve(g.tail(6)), S - S * covariance * S});
+  }
+  return pulls;
 }
 
 }  // namespace
@@ -122,9 +169,10 @@ Result<Deviations> AdjustmentProblem::DeviationsHere(const BoardScene& scene) {
   }
   ceres::Problem::EvaluateOptions options;
   options.parameter_blocks = blocks;
-  options.apply_loss_function = false;
+  options.apply_loss_function = true;  // a corner that is off does not count as one that contradicts
   ceres::CRSMatrix J;
-  if (!problem_.Evaluate(options, nullptr, nullptr, nullptr, &J))
+  std::vector<double> residuals;
+  if (!problem_.Evaluate(options, nullptr, &residuals, nullptr, &J))
     return Fail(ErrorCode::kInternal, "the adjustment's Jacobian cannot be computed");
   const Eigen::MatrixXd H = NormalMatrix(J);
   const Eigen::VectorXd scale = H.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
@@ -140,20 +188,41 @@ Result<Deviations> AdjustmentProblem::DeviationsHere(const BoardScene& scene) {
                     (column.number < kLensNumbers ? LensNumberName(camera.lens.kind, column.number)
                                                   : std::string("where the camera sits on the head")));
   }
-  const auto covariance = [&](std::size_t a, std::size_t b) {
-    const auto i = static_cast<Eigen::Index>(a), k = static_cast<Eigen::Index>(b);
-    return (eigen.eigenvectors().row(i).array() * eigen.eigenvectors().row(k).array() /
-            eigen.eigenvalues().transpose().array())
-               .sum() *
-           scale(i) * scale(k);
-  };
+  const auto count = static_cast<Eigen::Index>(columns.size());
+  const Eigen::MatrixXd half = scale.head(count).asDiagonal() * eigen.eigenvectors().topRows(count) *
+                               eigen.eigenvalues().cwiseSqrt().cwiseInverse().asDiagonal();
+  const Eigen::MatrixXd covariance = half * half.transpose();
+  // Noise that goes from pixel to pixel (a codec's, a denoiser's) or changes from view to view is more than
+  // pixels say each for itself: boards contradict each other by more than that.
+  std::vector<double> squares(columns.size(), 0), expected(columns.size(), 0);
+  for (const BoardPull& p : PullsOfBoards(J, residuals, count, covariance)) {
+    const Eigen::VectorXd moved = covariance * p.pull;
+    const Eigen::MatrixXd moves = covariance * p.expects * covariance;
+    for (std::size_t k = 0; k < columns.size(); ++k) {
+      const auto i = static_cast<Eigen::Index>(k);
+      squares[k] += moved(i) * moved(i);
+      expected[k] += moves(i, i);
+    }
+  }
+  std::vector<double> widen(scene.cameras.size(), 0);  // of variances; sums first
+  std::vector<int> numbers(scene.cameras.size(), 0);
   for (std::size_t k = 0; k < columns.size(); ++k) {
-    const double sigma = std::sqrt(covariance(k, k));
+    if (!(expected[k] > 0)) continue;
+    widen[columns[k].camera] += squares[k] / expected[k];
+    ++numbers[columns[k].camera];
+  }
+  for (std::size_t c = 0; c < widen.size(); ++c)
+    widen[c] = numbers[c] == 0 ? 1 : std::max(1.0, widen[c] / numbers[c]);
+  for (std::size_t k = 0; k < columns.size(); ++k) {
+    const auto row = static_cast<Eigen::Index>(k);
+    const double more = widen[columns[k].camera];
+    const double sigma = std::sqrt(more * covariance(row, row));
     CameraDeviation& d = *deviations[columns[k].camera];
     for (std::size_t other = 0; other < columns.size(); ++other)
       if (columns[other].camera == columns[k].camera && columns[k].number < kLensNumbers &&
           columns[other].number < kLensNumbers)
-        d.lens_covariance(columns[k].number, columns[other].number) = covariance(k, other);
+        d.lens_covariance(columns[k].number, columns[other].number) =
+            more * covariance(row, static_cast<Eigen::Index>(other));
     const int n = columns[k].number;
     if (n < kLensNumbers) {
       d.lens[static_cast<std::size_t>(n)] = sigma;

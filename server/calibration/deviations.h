@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // How well an adjustment determines what it found: standard deviations from the inverse of its normal
-// equations, which for Gaussian noise is the Cramer-Rao bound.
+// equations, which for Gaussian noise is the Cramer-Rao bound, and widened, one factor a camera, where boards
+// contradict each other by more than independent pixels (or corners) can: a sandwich estimate over boards
+// (White 1980; Liang and Zeger 1986), unbiased where the noise is independent.
 #pragma once
 
 #include <Eigen/Core>
