@@ -16,7 +16,7 @@ namespace {
 using Json = nlohmann::json;
 using Fields = JsonFields;
 
-constexpr std::uintmax_t kMaxRigBytes = 16 << 20;  // two curves of 100,000 numbers each, written out
+constexpr std::uintmax_t kMaxRigBytes = 16 << 20;  // three lists of 100,000 numbers each, written out
 
 template <typename Camera>
 Status Checked(const Camera& camera, const Fields& fields) {
@@ -63,11 +63,28 @@ Status ReadCurve(Fields& f, const char* key, std::vector<double>& values) {
   return {};
 }
 
+// Linear between points, constant outside; 0 without any.
+double Between(const std::vector<double>& at, const std::vector<double>& values, double x) {
+  if (values.empty()) return 0;
+  const auto above = std::upper_bound(at.begin(), at.end(), x);
+  if (above == at.begin()) return values.front();
+  if (above == at.end()) return values.back();
+  const auto i = static_cast<std::size_t>(above - at.begin());
+  const double t = (x - at[i - 1]) / (at[i] - at[i - 1]);
+  return values[i - 1] + t * (values[i] - values[i - 1]);
+}
+
 Status ReadRangeError(Fields& f, RangeError& curve) {
-  if (auto ok = All({ReadCurve(f, "range_m", curve.range_m), ReadCurve(f, "error_m", curve.error_m)}); !ok)
+  if (auto ok = All({ReadCurve(f, "range_m", curve.range_m), ReadCurve(f, "error_m", curve.error_m),
+                     ReadCurve(f, "std_m", curve.std_m)});
+      !ok)
     return ok;
   if (curve.range_m.size() != curve.error_m.size())
     return f.Bad("error_m", "has not as many numbers as range_m");
+  if (!curve.std_m.empty() && curve.std_m.size() != curve.range_m.size())
+    return f.Bad("std_m", "has not as many numbers as range_m");
+  for (const double s : curve.std_m)
+    if (s < 0) return f.Bad("std_m", "has a number below 0");
   for (std::size_t i = 1; i < curve.range_m.size(); ++i) {
     if (!(curve.range_m[i] > curve.range_m[i - 1])) return f.Bad("range_m", "does not rise");
     if (!(std::abs(curve.error_m[i] - curve.error_m[i - 1]) <
@@ -164,15 +181,8 @@ Status ReadPtu(Fields& f, Rig& rig) {
 
 }  // namespace
 
-double RangeError::At(double range) const {
-  if (range_m.empty()) return 0;
-  const auto above = std::upper_bound(range_m.begin(), range_m.end(), range);
-  if (above == range_m.begin()) return error_m.front();
-  if (above == range_m.end()) return error_m.back();
-  const auto i = static_cast<std::size_t>(above - range_m.begin());
-  const double t = (range - range_m[i - 1]) / (range_m[i] - range_m[i - 1]);
-  return error_m[i - 1] + t * (error_m[i] - error_m[i - 1]);
-}
+double RangeError::At(double range) const { return Between(range_m, error_m, range); }
+double RangeError::StdAt(double range) const { return Between(range_m, std_m, range); }
 
 double RangeError::TrueRange(double reported) const {
   // |error'| < 0.9 is checked on reading, so this contracts.

@@ -24,7 +24,9 @@ enum class DepthMeasure {
 struct RangeError {
   std::vector<double> range_m;  // rising
   std::vector<double> error_m;
+  std::vector<double> std_m = {};  // how well error_m is known, one sigma; empty = not said
   [[nodiscard]] double At(double range_m) const;
+  [[nodiscard]] double StdAt(double range_m) const;  // 0 where it is not said
   // The true range of a reported one: the fixed point of r = reported - error(r).
   [[nodiscard]] double TrueRange(double reported_m) const;
   bool operator==(const RangeError&) const = default;

@@ -35,6 +35,7 @@ Json Depth(const DepthCamera& depth) {
   if (depth.unambiguous_range_m) json["unambiguous_range_m"] = *depth.unambiguous_range_m;
   if (!depth.range_error.range_m.empty()) {
     json["range_error"] = {{"range_m", depth.range_error.range_m}, {"error_m", depth.range_error.error_m}};
+    if (!depth.range_error.std_m.empty()) json["range_error"]["std_m"] = depth.range_error.std_m;
   }
   return json;
 }

@@ -103,8 +103,8 @@ std::string RangePlot(const RangeCurve& r) {
   std::string below;
   for (std::size_t i = 0; i < r.error.range_m.size(); ++i) {
     line += Text("%.1f,%.1f ", x(r.error.range_m[i]), y(r.error.error_m[i]));
-    above += Text("%.1f,%.1f ", x(r.error.range_m[i]), y(r.error.error_m[i] + 2 * r.std_m[i]));
-    below += Text("%.1f,%.1f ", x(r.error.range_m[i]), y(r.error.error_m[i] - 2 * r.std_m[i]));
+    above += Text("%.1f,%.1f ", x(r.error.range_m[i]), y(r.error.error_m[i] + 2 * r.error.std_m[i]));
+    below += Text("%.1f,%.1f ", x(r.error.range_m[i]), y(r.error.error_m[i] - 2 * r.error.std_m[i]));
   }
   for (const std::string& bound : {above, below})
     svg += "<polyline fill='none' stroke='#9bc' points='" + bound + "'/>";

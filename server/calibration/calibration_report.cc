@@ -49,7 +49,7 @@ Json Range(const RangeCurve& r) {
            {{"value", 1e3 * r.dark_minus_bright_m}, {"std", 1e3 * r.dark_minus_bright_std_m}}},
           {"range_m", r.error.range_m},
           {"error_m", r.error.error_m},
-          {"std_m", r.std_m}};
+          {"std_m", r.error.std_m}};
 }
 
 Json HandEye(const HandEyeResult& h) {

@@ -287,7 +287,7 @@ Result<RangeCurve> FitRangeCurve(const std::vector<RangeSample>& samples,
     basis.At(r, values);
     curve.error.range_m.push_back(r);
     curve.error.error_m.push_back(values.dot(fit.coefficients.head(n)));
-    curve.std_m.push_back(std::sqrt(values.dot(fit.covariance.topLeftCorner(n, n) * values)));
+    curve.error.std_m.push_back(std::sqrt(values.dot(fit.covariance.topLeftCorner(n, n) * values)));
   }
   return curve;
 }

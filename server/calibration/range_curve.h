@@ -18,10 +18,9 @@
 namespace mixstage {
 
 struct RangeCurve {
-  RangeError error;             // dense, for rig.json
+  RangeError error;             // dense, with its deviation, for rig.json
   double from_m = 0, to_m = 0;  // the boards determine it in between
   bool harmonics = false;       // beyond: carried on by harmonics; else constant
-  std::vector<double> std_m;    // of error.error_m, same size
   double noise_m = 0;           // median deviation of a sample from the curve, as a sigma
   double before_rms_m = 0,
          after_rms_m = 0;     // weighted mean error of the 0.1 m steps, without and with the curve

@@ -189,9 +189,10 @@ cv::Mat1b MeasuredBy(const Surface& surface, const std::vector<std::uint8_t>& sw
 }
 
 // Typical error of the surface along its ray: two thirds of it are nearer. A node has what noise leaves of
-// its plane, and what patches of the room's flat surfaces stand off from flat, which is what range curve,
-// poses and echoes do. Errors that bend no surface show in nothing.
-double TypicalSigma(const SurfaceNodes& nodes, const std::vector<GrownPlane>& planes) {
+// its plane; what patches of the room's flat surfaces stand off from flat, which is what poses and echoes do;
+// and how well the rig knows its range error, which no number of frames averages away.
+double TypicalSigma(const SurfaceNodes& nodes, const std::vector<GrownPlane>& planes,
+                    const RangeError& range_error) {
   constexpr double kFittedWith = 20;
   constexpr int kPatch = 8, kLeastNodes = 32;  // nodes a side; of them on one plane
   constexpr double kShare = 0.68;
@@ -218,7 +219,7 @@ double TypicalSigma(const SurfaceNodes& nodes, const std::vector<GrownPlane>& pl
           const double sigma_m = static_cast<double>(nodes.sigma[i]) * range * range;
           const int plane = nodes.room_plane[i];
           const double with = plane < 0 ? kFittedWith : planes[static_cast<std::size_t>(plane)].nodes;
-          noise.push_back(sigma_m / std::sqrt(with));
+          noise.push_back(std::hypot(sigma_m / std::sqrt(with), range_error.StdAt(range)));
           if (plane < 0 || sigma_m <= 0) continue;
           Sums& s = sums[static_cast<std::size_t>(plane)];
           const double weight = 1 / (sigma_m * sigma_m);
@@ -510,7 +511,8 @@ Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<
     environment.registration_px = misses[misses.size() / 2];
   }
   constexpr double kRangeUnit_m = 0.001;  // of the panorama: nothing below is claimed
-  environment.depth_sigma_m = std::max(kRangeUnit_m, TypicalSigma(surface.nodes, surface.planes));
+  environment.depth_sigma_m =
+      std::max(kRangeUnit_m, TypicalSigma(surface.nodes, surface.planes, rig.depth->range_error));
   environment.panorama = panorama;
   for (std::size_t i = 0; i < views.size(); ++i)
     environment.frames.push_back({views[i].listed.name, poses[i]});

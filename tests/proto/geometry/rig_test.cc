@@ -39,6 +39,7 @@ TEST(Rig, ErrorsNameTheField) {
       {With(kSmall, "\"range\"", "\"steps\""), "cameras.depth.measures"},
       {With(kSmall, "[1, 2, 3]", "[1, 3, 2]"), "range_m"},
       {With(kSmall, "[1, 2, 3]", "[1, 2]"), "error_m"},
+      {With(kSmall, "\"error_m\"", "\"std_m\": [0.001], \"error_m\""), "std_m"},
       {With(kSmall, "0.07, 0, 1, 0, 0", "0.07, 0, 2, 0, 0"), "T_color_depth"},
       {With(kSmall, "\"version\": 1", "\"version\": 7"), "version"},
       {R"({"version": 1})", "cameras.color"},
@@ -75,6 +76,8 @@ TEST(RangeError, TrueRangeUndoesTheSensor) {
   }
   EXPECT_DOUBLE_EQ(curve.At(0.2), 0.01);
   EXPECT_DOUBLE_EQ(curve.At(9.0), 0.0);
+  EXPECT_EQ(curve.StdAt(2.5), 0);
+  EXPECT_DOUBLE_EQ((RangeError{{1, 2, 3}, {0, 0, 0}, {0.001, 0.002, 0.004}}.StdAt(2.5)), 0.003);
 }
 
 TEST(PanTilt, PositivePanTurnsLeftAndTiltTurnsUp) {
@@ -104,7 +107,7 @@ TEST(Rig, IsReadBackAsItWasWritten) {
   rig.depth->camera = {.width = 32, .height = 24, .fx = 30, .fy = 30, .cx = 15, .cy = 11, .k2 = 0.1};
   rig.depth->unit_m = 0.00025;
   rig.depth->unambiguous_range_m = 7.4948;
-  rig.depth->range_error = {{1, 2, 3}, {0.01, -0.02, 1.0 / 3}};
+  rig.depth->range_error = {{1, 2, 3}, {0.01, -0.02, 1.0 / 3}, {0.001, 0.0, 0.005}};
   rig.T_color_depth.translation() = Eigen::Vector3d(0.06, -0.001, 1.0 / 7);
   rig.T_color_depth.rotate(Eigen::AngleAxisd(0.01, Eigen::Vector3d(1, 2, 3).normalized()));
   rig.fisheye.emplace();

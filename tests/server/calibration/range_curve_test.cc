@@ -49,7 +49,7 @@ TEST(RangeCurve, FindsTheErrorWithinTheBoardsDistancesAndBeyondByHarmonics) {
   for (double r = 1.1; r < 2.9; r += 0.1) EXPECT_NEAR(curve->error.At(r), TrueError(r), 0.0015) << r;
   for (double r = 3; r < 5; r += 0.5) {
     const auto i = static_cast<std::size_t>((r - curve->error.range_m.front()) / 0.05);
-    EXPECT_NEAR(curve->error.At(r), TrueError(r), std::max(0.002, 4 * curve->std_m[i])) << r;
+    EXPECT_NEAR(curve->error.At(r), TrueError(r), std::max(0.002, 4 * curve->error.std_m[i])) << r;
   }
   EXPECT_LT(curve->held_out_rms_m, 0.002);
   EXPECT_LT(std::abs(curve->dark_minus_bright_m), 5 * curve->dark_minus_bright_std_m);
