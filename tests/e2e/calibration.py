@@ -24,6 +24,19 @@ def calibrate(name, *views, expected=0, rig=None):
     return out, report, run.stderr
 
 
+def over_their_deviations(report):
+    """Errors over the deviations that the report states: of the colour camera's lens, the largest; of the range error at 1 to 5 m, the rms."""
+    truth = json.loads((STUDIO / "ground_truth" / "rig.json").read_text())["cameras"]
+    lens = max(abs(v["value"] - truth["color"][k]) / v["std"] for k, v in report["cameras"]["color"]["lens"].items())
+    found, curve = report["range_error"], truth["depth"]["range_error"]
+    squares = []
+    for r, e, std in zip(found["range_m"], found["error_m"], found["std_m"]):
+        if 1 <= r <= 5:
+            i = min(range(len(curve["range_m"])), key=lambda k: abs(curve["range_m"][k] - r))  # both are tabulated in steps of 50 mm
+            squares.append(((e - curve["error_m"][i]) / std) ** 2)
+    return lens, (sum(squares) / len(squares)) ** 0.5
+
+
 def subset(name, source, keep, lists=("rgb", "amplitude", "depth")):
     """A folder of views with the lines `keep` of another's lists."""
     folder = OUT / "views" / name
@@ -60,6 +73,9 @@ def the_studio_is_calibrated():
         a, b = sweep[pairs]["rotation_rms_deg"], sweep[pairs]["translation_rms_mm"]
         found += f", head {pairs} {a:.4f} deg {b:.2f} mm"
         assert a <= deg and b <= mm, found
+    lens, curve = over_their_deviations(report)
+    found += f", off by {lens:.1f} of the lens' deviations, {curve:.1f} of the range curve's"
+    assert lens <= 2.5 and curve <= 1.5, found
     for name, camera in report["cameras"].items():
         assert camera["held_out"]["boards"] > 0 and camera["held_out"]["rms_px"] < 0.3, (name, camera["held_out"])
     assert (out / "report.html").read_text().count("<svg") >= 6
