@@ -89,10 +89,13 @@ def pictures_that_are_no_good_are_named():
     plate = next(p for p in sorted((STUDIO / "scan" / "rgb").iterdir()))
     shutil.copy(plate, folder / "rgb" / "0002.jpg")  # no board in it
     shutil.copy(STUDIO / "calib" / "rgb" / "0015.jpg", folder / "rgb" / "0003.jpg")  # the board was carried on
+    blurred = folder / "rgb" / "0006.jpg"
+    program(PYTHON, "-c", "import cv2, sys; f = sys.argv[1]; cv2.imwrite(f, cv2.GaussianBlur(cv2.imread(f), (0, 0), 3))", blurred)
     out, report, _ = calibrate("damaged", folder, rig=STUDIO / "rig.json")
     why = {pathlib.Path(e["file"]).parent.name + "/" + pathlib.Path(e["file"]).name: e["why"] for e in report["left_out"]}
     assert "rgb/0001.jpg" in why, why
     assert "no whole board" in why.get("rgb/0002.jpg", ""), why
+    assert "is blurred" in why.get("rgb/0006.jpg", ""), why
     assert any("px rms" in why.get(f"{kind}/0003.{end}", "") for kind, end in (("rgb", "jpg"), ("amplitude", "png"))), why
     assert (out / "rig.json").exists()
     return f"{len(why)} pictures left out by name"
