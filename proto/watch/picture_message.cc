@@ -25,6 +25,8 @@ std::string_view StreamName(WatchStream stream) {
     case WatchStream::kRoomMesh:
     case WatchStream::kObjectMesh:
       return "mesh";
+    case WatchStream::kLightMap:
+      return "light";
   }
   return "unknown";
 }

@@ -18,14 +18,16 @@ enum class WatchStream : std::uint8_t {
   kActorMesh = 3,
   kRoomMesh = 4,
   kObjectMesh = 5,
+  kLightMap = 6,  // a JPEG
 };
-// The streams of pictures; meshes (mesh_message.h) are whole in each message.
+// The streams that are decoded one picture after the other; meshes (mesh_message.h) and light maps are whole
+// in each message.
 inline constexpr std::size_t kWatchStreams = 2;
 // 0 for colour, 1 for depth: a place in an array of kWatchStreams.
 [[nodiscard]] constexpr std::size_t StreamIndex(WatchStream stream) {
   return static_cast<std::size_t>(stream) - 1;
 }
-// "color", "depth", and "mesh" for all three of meshes: the names in text messages.
+// "color", "depth", "mesh" for all three of meshes, "light": the names in text messages.
 [[nodiscard]] std::string_view StreamName(WatchStream stream);
 
 inline constexpr std::size_t kWatchHeaderBytes = 48;

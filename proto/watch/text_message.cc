@@ -247,7 +247,7 @@ Result<ServerMessage> ParseStats(const JsonFields& fields) {
 Result<ViewerMessage> ParseSubscribe(const JsonFields& fields) {
   const Json* streams = nullptr;
   JsonReader read(fields);
-  read.List("streams", 3, &streams);
+  read.List("streams", 4, &streams);
   if (!read.status()) return Within("subscribe", read.status().error());
   WatchSubscribe subscribe;
   for (const Json& item : *streams) {
@@ -260,8 +260,11 @@ Result<ViewerMessage> ParseSubscribe(const JsonFields& fields) {
       subscribe.depth = true;
     } else if (name == StreamName(WatchStream::kActorMesh)) {
       subscribe.mesh = true;
+    } else if (name == StreamName(WatchStream::kLightMap)) {
+      subscribe.light = true;
     } else {
-      return Fail(ErrorCode::kBadInput, "subscribe: streams holds a name that is none of color, depth, mesh");
+      return Fail(ErrorCode::kBadInput,
+                  "subscribe: streams holds a name that is none of color, depth, mesh, light");
     }
   }
   return subscribe;
@@ -378,6 +381,7 @@ std::string ToJson(const WatchSubscribe& subscribe) {
   if (subscribe.color) streams.push_back(StreamName(WatchStream::kColor));
   if (subscribe.depth) streams.push_back(StreamName(WatchStream::kDepth));
   if (subscribe.mesh) streams.push_back(StreamName(WatchStream::kActorMesh));
+  if (subscribe.light) streams.push_back(StreamName(WatchStream::kLightMap));
   return Dump({{"type", "subscribe"}, {"streams", std::move(streams)}});
 }
 

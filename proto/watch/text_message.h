@@ -148,7 +148,7 @@ struct WatchTicket {
   std::string ticket{};  // 43 characters of base64url, from POST /login
 };
 struct WatchSubscribe {
-  bool color = false, depth = false, mesh = false;
+  bool color = false, depth = false, mesh = false, light = false;
   bool operator==(const WatchSubscribe&) const = default;
 };
 struct WatchKeyFrameWish {};

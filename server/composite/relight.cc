@@ -217,16 +217,27 @@ void RelightLayer(const LightMap& map, const CgLayer& layer, CgLayer& lit) {
   }
 }
 
-cv::Mat3b LightMapPicture(const LightMap& map, ImageView<const std::uint8_t> alpha, cv::Size size) {
-  cv::Mat3b picture(size, cv::Vec3b::all(255));
+cv::Mat3b LightMapPicture(const LightMap& map, ImageView<const std::uint8_t> alpha, cv::Size size, int step) {
+  cv::Mat3b picture((size.height + step - 1) / step, (size.width + step - 1) / step, cv::Vec3b::all(255));
   ForTouched(map, size, [&](const cv::Rect& tile) {
-    for (int y = tile.y; y < tile.br().y; ++y) {
-      for (int x = tile.x; x < tile.br().x; ++x) {
+    for (int y = tile.y; y < tile.br().y; y += step) {
+      for (int x = tile.x; x < tile.br().x; x += step) {
         const cv::Vec3f s = PixelFactor(map, alpha.empty() ? nullptr : alpha.row(y), x, y);
-        for (int c = 0; c < 3; ++c) picture(y, x)[2 - c] = cv::saturate_cast<std::uint8_t>(255 * s[c]);
+        for (int c = 0; c < 3; ++c)
+          picture(y / step, x / step)[2 - c] = cv::saturate_cast<std::uint8_t>(255 * s[c]);
       }
     }
   });
+  return picture;
+}
+
+cv::Mat3b OnWhite(const cv::Mat3b& light_map) {
+  cv::Mat1b codes(1, 256);
+  for (int i = 0; i < 256; ++i)
+    codes(0, i) =
+        cv::saturate_cast<std::uint8_t>((255 + kOffset) * CodeGain(static_cast<float>(i) / 255) - kOffset);
+  cv::Mat3b picture;
+  cv::LUT(light_map, codes, picture);
   return picture;
 }
 

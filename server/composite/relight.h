@@ -20,8 +20,11 @@ void RelightPicture(const LightMap& map, ImageView<const std::uint8_t> alpha, co
 // lit becomes the layer with its colours scaled by map.cg; depth and ids are shared.
 void RelightLayer(const LightMap& map, const CgLayer& layer, CgLayer& lit);
 
-// [h x w] B G R, 255 = 1.0: what RelightPicture scales by.
+// [h x w] B G R, 255 = 1.0: what RelightPicture scales by. With a step of 2 of every second pixel and row,
+// [Half(h) x Half(w)].
 [[nodiscard]] cv::Mat3b LightMapPicture(const LightMap& map, ImageView<const std::uint8_t> alpha,
-                                        cv::Size size);
+                                        cv::Size size, int step = 1);
+// The same for people: as a white surface shows it, sRGB.
+[[nodiscard]] cv::Mat3b OnWhite(const cv::Mat3b& light_map);
 
 }  // namespace mixstage

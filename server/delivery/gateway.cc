@@ -123,14 +123,14 @@ class Gateway::Impl {
     }
     Wake();
   }
-  void PublishMesh(std::shared_ptr<const MeshMessage> mesh) {
-    MIX_CHECK(mesh != nullptr);
+  void PublishWhole(std::shared_ptr<const WholeMessage> message) {
+    MIX_CHECK(message != nullptr);
     {
       const std::lock_guard lock(mutex_);
-      if (mesh->stream == WatchStream::kActorMesh) {
-        inbox_.actor_mesh = std::move(mesh);
+      if (IsStanding(message->stream)) {
+        inbox_.standing_meshes[{message->stream, message->id}] = message;
       } else {
-        inbox_.standing_meshes[{mesh->stream, mesh->id}] = mesh;
+        inbox_.newest[message->stream] = message;
       }
     }
     Wake();
@@ -179,9 +179,9 @@ class Gateway::Impl {
   // What other threads left for `serve`.
   struct Inbox {
     std::vector<std::shared_ptr<const WatchPicture>> pictures;
-    std::shared_ptr<const MeshMessage> actor_mesh;  // the newest
+    std::map<WatchStream, std::shared_ptr<const WholeMessage>> newest;
     // The last word on each; null: it is to go.
-    std::map<std::pair<WatchStream, std::uint32_t>, std::shared_ptr<const MeshMessage>> standing_meshes;
+    std::map<std::pair<WatchStream, std::uint32_t>, std::shared_ptr<const WholeMessage>> standing_meshes;
     std::optional<std::string> stats;
     std::optional<WatchHello> hello;
     std::optional<std::string> scene;
@@ -233,7 +233,7 @@ class Gateway::Impl {
       if (inbox.hello) hub_.SetHello(std::move(*inbox.hello));
       for (const auto& picture : inbox.pictures) hub_.Publish(picture);
       for (const auto& [key, mesh] : inbox.standing_meshes) hub_.ReplaceMesh(key.first, key.second, mesh);
-      if (inbox.actor_mesh) hub_.PublishActorMesh(inbox.actor_mesh);
+      for (const auto& [stream, message] : inbox.newest) hub_.PublishNewest(message);
       if (inbox.scene) hub_.PublishScene(std::move(*inbox.scene));
       for (auto& [viewer, json] : inbox.answers) hub_.SendTo(viewer, std::move(json));
       if (inbox.stats) hub_.PublishStats(std::move(*inbox.stats));
@@ -332,7 +332,9 @@ void Gateway::Stop() { impl_->Stop(); }
 std::uint16_t Gateway::port() const { return impl_->port(); }
 std::string Gateway::url() const { return impl_->url(); }
 void Gateway::Publish(std::shared_ptr<const WatchPicture> picture) { impl_->Publish(std::move(picture)); }
-void Gateway::PublishMesh(std::shared_ptr<const MeshMessage> mesh) { impl_->PublishMesh(std::move(mesh)); }
+void Gateway::PublishWhole(std::shared_ptr<const WholeMessage> message) {
+  impl_->PublishWhole(std::move(message));
+}
 void Gateway::RemoveMesh(WatchStream stream, std::uint32_t id) { impl_->RemoveMesh(stream, id); }
 void Gateway::PublishStats(std::string stats_json) { impl_->PublishStats(std::move(stats_json)); }
 void Gateway::PublishScene(std::string scene_json) { impl_->PublishScene(std::move(scene_json)); }

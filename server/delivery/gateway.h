@@ -19,9 +19,9 @@
 #include "proto/base/bounded_queue.h"
 #include "proto/base/result.h"
 #include "proto/watch/text_message.h"
-#include "server/delivery/standing_meshes.h"
 #include "server/delivery/tls_certificate.h"
 #include "server/delivery/watch_picture.h"
+#include "server/delivery/whole_message.h"
 
 namespace mixstage {
 
@@ -98,9 +98,9 @@ class Gateway {
   // ---- Any thread, any time, never blocking ----
   // Pictures of one stream in the order of encoding, none left out between key frames.
   void Publish(std::shared_ptr<const WatchPicture> picture);
-  // The actor's mesh goes out once. Those of the room and of objects stand: everyone who subscribes gets
-  // them, now or later, until they are replaced or removed.
-  void PublishMesh(std::shared_ptr<const MeshMessage> mesh);
+  // The actor's mesh and the light map go out once. Meshes of the room and of objects stand: everyone who
+  // subscribes gets them, now or later, until they are replaced or removed.
+  void PublishWhole(std::shared_ptr<const WholeMessage> message);
   void RemoveMesh(WatchStream stream, std::uint32_t id);
   // A `stats` message (ToJson(WatchStats)); its `state` is what /healthz says.
   void PublishStats(std::string stats_json);

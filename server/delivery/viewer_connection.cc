@@ -120,22 +120,22 @@ void ViewerConnection::SendPicture(const std::shared_ptr<const WatchPicture>& pi
   Write();
 }
 
-void ViewerConnection::SendActorMesh(const std::shared_ptr<const MeshMessage>& mesh) {
-  if (closing_ || finished_ || !meshes_) return;
+void ViewerConnection::SendNewest(const std::shared_ptr<const WholeMessage>& message) {
+  if (closing_ || finished_ || !subscribed(message->stream)) return;
   const auto waiting = std::find_if(
       queue_.begin() + (writing_ ? 1 : 0), queue_.end(),
-      [](const Outgoing& out) { return out.mesh != nullptr && out.mesh->stream == WatchStream::kActorMesh; });
+      [&](const Outgoing& out) { return out.whole != nullptr && out.whole->stream == message->stream; });
   if (waiting != queue_.end()) {
     ++hub_.counters.dropped_mesh_slow;
-    waiting->mesh = mesh;
+    waiting->whole = message;
     return;
   }
-  // Pictures first: a mesh may not be what pushes them out.
+  // Pictures first: these may not be what pushes them out.
   if (2 * queued_pictures_ > hub_.config().queued_pictures) {
     ++hub_.counters.dropped_mesh_slow;
     return;
   }
-  queue_.push_back({.mesh = mesh});
+  queue_.push_back({.whole = message});
   Write();
 }
 
@@ -145,7 +145,7 @@ void ViewerConnection::SendStandingMeshes() {
   if (next.mesh == nullptr) return;
   standing_queued_ = true;
   standing_sent_ = next.number;
-  queue_.push_back({.mesh = std::move(next.mesh)});
+  queue_.push_back({.whole = std::move(next.mesh)});
   Write();
 }
 
@@ -193,9 +193,9 @@ void ViewerConnection::Write() {
   write_started_us_ = MonotonicMicros();
   const Outgoing& out = queue_.front();
   websocket_.text(out.text != nullptr);
-  const asio::const_buffer bytes = out.text != nullptr   ? asio::buffer(*out.text)
-                                   : out.mesh != nullptr ? asio::buffer(out.mesh->bytes)
-                                                         : asio::buffer(out.picture->message);
+  const asio::const_buffer bytes = out.text != nullptr    ? asio::buffer(*out.text)
+                                   : out.whole != nullptr ? asio::buffer(out.whole->bytes)
+                                                          : asio::buffer(out.picture->message);
   websocket_.async_write(
       bytes, [self = shared_from_this()](AsioError error, std::size_t) { self->OnWritten(error); });
 }
@@ -209,10 +209,10 @@ void ViewerConnection::OnWritten(AsioError error) {
     ++hub_.counters.pictures_sent;
     hub_.counters.bytes_sent += picture->message.size();
   }
-  if (const auto& mesh = queue_.front().mesh) {
+  if (const auto& whole = queue_.front().whole) {
     ++hub_.counters.meshes_sent;
-    hub_.counters.mesh_bytes_sent += mesh->bytes.size();
-    if (mesh->stream != WatchStream::kActorMesh) standing_queued_ = false;
+    hub_.counters.mesh_bytes_sent += whole->bytes.size();
+    if (IsStanding(whole->stream)) standing_queued_ = false;
   }
   queue_.pop_front();
   SendStandingMeshes();
@@ -315,6 +315,7 @@ void ViewerConnection::Subscribe(const WatchSubscribe& subscribe) {
   set(WatchStream::kDepth, subscribe.depth);
   if (subscribe.mesh && !meshes_) standing_sent_ = 0;  // who comes back may have thrown away what it had
   meshes_ = subscribe.mesh;
+  light_ = subscribe.light;
   SendStandingMeshes();
   hub_.CountSubscribers();
 }

@@ -36,7 +36,7 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
 
   void SendPicture(const std::shared_ptr<const WatchPicture>& picture);
   // The newest waits for its turn in place of an older one; a viewer that is behind misses it.
-  void SendActorMesh(const std::shared_ptr<const MeshMessage>& mesh);
+  void SendNewest(const std::shared_ptr<const WholeMessage>& mesh);
   // Those that it has not got yet, one after another.
   void SendStandingMeshes();
   void SendText(std::shared_ptr<const std::string> text);
@@ -60,8 +60,10 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
   [[nodiscard]] bool MayEdit() const { return admitted_ && identity_.role == WatchRole::kDirector; }
 
   [[nodiscard]] std::uint64_t id() const { return id_; }
-  [[nodiscard]] bool subscribed(WatchStream stream) const { return streams_[StreamIndex(stream)].subscribed; }
-  [[nodiscard]] bool subscribed_to_meshes() const { return meshes_; }
+  [[nodiscard]] bool subscribed(WatchStream stream) const {
+    if (StreamIndex(stream) < kWatchStreams) return streams_[StreamIndex(stream)].subscribed;
+    return stream == WatchStream::kLightMap ? light_ : meshes_;
+  }
   // Waits for a key frame that may be asked for on its behalf (a slow viewer waits for the next one by
   // itself).
   [[nodiscard]] bool wants_key_frame() const;
@@ -70,7 +72,7 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
   struct Outgoing {  // one of the three
     std::shared_ptr<const WatchPicture> picture{};
     std::shared_ptr<const std::string> text{};
-    std::shared_ptr<const MeshMessage> mesh{};
+    std::shared_ptr<const WholeMessage> whole{};
     bool scene = false;  // the text is a scene
   };
   struct Stream {
@@ -106,9 +108,10 @@ class ViewerConnection : public std::enable_shared_from_this<ViewerConnection> {
   std::array<Stream, kWatchStreams> streams_;
   std::deque<Outgoing> queue_;  // while writing_, the front is on its way
   int queued_pictures_ = 0;
-  std::size_t queued_bytes_ = 0;  // of pictures
-  bool meshes_ = false;           // subscribed
-  // In the queue at most one mesh of the actor beside one that is being written, and one standing mesh.
+  std::size_t queued_bytes_ = 0;         // of pictures
+  bool meshes_ = false, light_ = false;  // subscribed
+  // In the queue at most one mesh of the actor and one light map beside what is being written, and one
+  // standing mesh.
   bool standing_queued_ = false;
   std::uint64_t standing_sent_ = 0;  // its number in the hub's list
   bool writing_ = false;

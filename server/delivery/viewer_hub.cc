@@ -45,11 +45,11 @@ void ViewerHub::Publish(const std::shared_ptr<const WatchPicture>& picture) {
   }
 }
 
-void ViewerHub::PublishActorMesh(const std::shared_ptr<const MeshMessage>& mesh) {
-  for (const auto& viewer : viewers_) viewer->SendActorMesh(mesh);
+void ViewerHub::PublishNewest(const std::shared_ptr<const WholeMessage>& message) {
+  for (const auto& viewer : viewers_) viewer->SendNewest(message);
 }
 
-void ViewerHub::ReplaceMesh(WatchStream stream, std::uint32_t id, std::shared_ptr<const MeshMessage> mesh) {
+void ViewerHub::ReplaceMesh(WatchStream stream, std::uint32_t id, std::shared_ptr<const WholeMessage> mesh) {
   if (mesh == nullptr) return standing_meshes_.Remove(stream, id);
   standing_meshes_.Put(std::move(mesh));
   for (const auto& viewer : viewers_) viewer->SendStandingMeshes();
@@ -116,14 +116,11 @@ void ViewerHub::CloseNow() {
 }
 
 void ViewerHub::CountSubscribers() {
-  for (const WatchStream stream : {WatchStream::kColor, WatchStream::kDepth}) {
-    const auto count =
-        std::ranges::count_if(viewers_, [&](const auto& viewer) { return viewer->subscribed(stream); });
-    subscribers_[StreamIndex(stream)].store(static_cast<int>(count), std::memory_order_relaxed);
+  for (std::size_t stream = 1; stream < subscribers_.size(); ++stream) {
+    const auto count = std::ranges::count_if(
+        viewers_, [&](const auto& viewer) { return viewer->subscribed(static_cast<WatchStream>(stream)); });
+    subscribers_[stream].store(static_cast<int>(count), std::memory_order_relaxed);
   }
-  const auto meshes =
-      std::ranges::count_if(viewers_, [](const auto& viewer) { return viewer->subscribed_to_meshes(); });
-  subscribers_[kWatchStreams].store(static_cast<int>(meshes), std::memory_order_relaxed);
 }
 
 bool ViewerHub::TakeKeyFrameRequest(std::int64_t now_us) {

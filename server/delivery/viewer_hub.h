@@ -38,9 +38,10 @@ class ViewerHub {
   void Join(std::shared_ptr<ViewerConnection> viewer);
   void Leave(const ViewerConnection* viewer);
   void Publish(const std::shared_ptr<const WatchPicture>& picture);
-  void PublishActorMesh(const std::shared_ptr<const MeshMessage>& mesh);
+  // Of the actor's mesh or the light map.
+  void PublishNewest(const std::shared_ptr<const WholeMessage>& message);
   // mesh: null = it stands no longer.
-  void ReplaceMesh(WatchStream stream, std::uint32_t id, std::shared_ptr<const MeshMessage> mesh);
+  void ReplaceMesh(WatchStream stream, std::uint32_t id, std::shared_ptr<const WholeMessage> mesh);
   [[nodiscard]] const StandingMeshes& standing_meshes() const { return standing_meshes_; }
   void PublishStats(std::string stats_json);
   void SetHello(WatchHello hello);
@@ -69,7 +70,7 @@ class ViewerHub {
   // ---- Any thread ----
   [[nodiscard]] bool TakeKeyFrameRequest(std::int64_t now_us);
   [[nodiscard]] bool WantsStream(WatchStream stream) const {
-    return subscribers_[std::min(StreamIndex(stream), kWatchStreams)].load(std::memory_order_relaxed) > 0;
+    return subscribers_[static_cast<std::size_t>(stream)].load(std::memory_order_relaxed) > 0;
   }
   AtomicCounters counters;
 
@@ -81,7 +82,8 @@ class ViewerHub {
   std::shared_ptr<const std::string> scene_text_;
   std::uint64_t last_viewer_id_ = 0;
   std::string state_;
-  std::array<std::atomic<int>, kWatchStreams + 1> subscribers_{};  // the last: to meshes
+  std::array<std::atomic<int>, static_cast<std::size_t>(WatchStream::kLightMap) + 1>
+      subscribers_{};  // by stream
   StandingMeshes standing_meshes_;
   std::atomic<bool> key_frame_wished_{false};
   std::atomic<std::int64_t> key_frame_given_us_{0};

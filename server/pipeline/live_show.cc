@@ -7,9 +7,11 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <opencv2/imgcodecs.hpp>
 
 #include "proto/base/clock.h"
 #include "proto/base/log.h"
+#include "server/composite/relight.h"
 #include "server/pipeline/frame_stages.h"
 
 namespace mixstage {
@@ -26,6 +28,8 @@ constexpr std::int64_t kScanToldUs = 60'000'000;  // after a scan's last word
 constexpr std::int64_t kStalledUs = 2'000'000;    // no colour for this long: say so
 // 12.5 Hz, less half a colour frame: capture times tremble.
 constexpr std::int64_t kMeshPeriodUs = 65'000;
+constexpr std::int64_t kLightMapPeriodUs = 95'000;
+constexpr int kLightMapQuality = 85;  // of JPEG
 constexpr std::int64_t kDepthStoppedUs = 200'000;
 constexpr std::size_t kStageWindow = 300;  // frames behind the page's stage times
 
@@ -164,6 +168,7 @@ void LiveShow::RunFrames() {
       }
     }
     OfferMeshes(frame);
+    OfferLightMap(*frame);
     if (finished_.Push(std::move(frame)) > 0) CountDrop("late");
   }
 }
@@ -179,6 +184,25 @@ void LiveShow::OfferMeshes(const std::shared_ptr<const Frame>& frame) {
   meshed_us_ = captured.capture_us;
   meshed_depth_ = captured.depth;
   mesh_jobs_.Push(MakeMeshJob(studio_, frame));
+}
+
+void LiveShow::OfferLightMap(const Frame& frame) {
+  const std::int64_t since_us = frame.captured->capture_us - light_map_us_;
+  if (!gateway_.WantsStream(WatchStream::kLightMap) || (since_us >= 0 && since_us < kLightMapPeriodUs))
+    return;
+  light_map_us_ = frame.captured->capture_us;
+  const cv::Mat1b& alpha = frame.alpha;
+  const cv::Mat3b map = frame.light_map != nullptr
+                            ? LightMapPicture(*frame.light_map, View(alpha), alpha.size(), 2)
+                            : cv::Mat3b(Half(alpha.rows), Half(alpha.cols), cv::Vec3b::all(255));
+  std::vector<std::uint8_t> jpeg;
+  cv::imencode(".jpg", OnWhite(map), jpeg, {cv::IMWRITE_JPEG_QUALITY, kLightMapQuality});
+  gateway_.PublishWhole(MakeLightMapMessage({.stream = WatchStream::kLightMap,
+                                             .key_frame = true,
+                                             .frame = static_cast<std::uint64_t>(frame.captured->frame),
+                                             .capture_us = frame.captured->capture_us,
+                                             .encoded_us = MonotonicMicros()},
+                                            jpeg));
 }
 
 void LiveShow::RunMeshes() {

@@ -67,6 +67,7 @@ class LiveShow {
   void RunEncode();
   void RunMeshes();
   void OfferMeshes(const std::shared_ptr<const Frame>& frame);
+  void OfferLightMap(const Frame& frame);
   void RunStats(const std::stop_token& stop);
   [[nodiscard]] WatchStats Stats() const;
   void CountDrop(const char* reason);
@@ -86,7 +87,8 @@ class LiveShow {
   CapturedFrames captured_{kWaitingFrames, WhenFull::kDropOldest};
   BoundedQueue<std::shared_ptr<Frame>> finished_{kWaitingFrames, WhenFull::kDropOldest};
   BoundedQueue<MeshJob> mesh_jobs_{1, WhenFull::kDropOldest};
-  std::int64_t meshed_us_ = 0;  // capture of the last frame that was offered; the frame thread's
+  std::int64_t meshed_us_ = 0;     // capture of the last frame that was offered; the frame thread's
+  std::int64_t light_map_us_ = 0;  // the same for light maps
   std::shared_ptr<const DepthPicture> meshed_depth_;
   LiveIngest ingest_;
   CommandSender commands_;

@@ -138,7 +138,7 @@ void MeshBroadcast::Publish(const MeshJob& job, WatchMesh mesh) {
   mesh.frame = static_cast<std::uint64_t>(job.frame->captured->frame);
   mesh.capture_us = job.frame->captured->capture_us;
   mesh.encoded_us = MonotonicMicros();
-  gateway_->PublishMesh(MakeMeshMessage(mesh));
+  gateway_->PublishWhole(MakeMeshMessage(mesh));
 }
 
 }  // namespace mixstage

@@ -59,6 +59,11 @@ TEST(Relight, ColoredFactorsColor) {
   EXPECT_LT(lit.cr(7, 7), 128);
   const cv::Vec3b picture = LightMapPicture(map, {}, {40, 30})(14, 14);
   EXPECT_EQ(picture, cv::Vec3b(255, 128, 128));
+  const cv::Mat3b half = LightMapPicture(map, {}, {39, 29}, 2);
+  ASSERT_EQ(half.size(), cv::Size(20, 15));
+  EXPECT_EQ(half(7, 7), picture);
+  EXPECT_EQ(OnWhite(half)(7, 7), cv::Vec3b(255, 188, 188));  // half the light in sRGB
+  EXPECT_EQ(OnWhite(half)(0, 0), cv::Vec3b::all(255));
 }
 
 TEST(Relight, LayersKeepTheirCoverage) {

@@ -9,8 +9,8 @@
 namespace mixstage {
 namespace {
 
-std::shared_ptr<const MeshMessage> MeshOf(WatchStream stream, std::uint32_t id, std::uint64_t frame,
-                                          std::size_t bytes = 100) {
+std::shared_ptr<const WholeMessage> MeshOf(WatchStream stream, std::uint32_t id, std::uint64_t frame,
+                                           std::size_t bytes = 100) {
   const std::vector<std::uint8_t> mesh(bytes, static_cast<std::uint8_t>(frame));
   return MakeMeshMessage({.stream = stream, .frame = frame, .id = id, .mesh = mesh});
 }
@@ -46,7 +46,7 @@ TEST_F(GatewayMesh, OnlyWhoSubscribedGetsThem) {
   ASSERT_TRUE(Eventually([&] { return gateway_.counters().viewers == 2; }));
   EXPECT_FALSE(gateway_.WantsStream(WatchStream::kActorMesh)) << "a new viewer gets pictures only";
   Subscribe(meshes);
-  gateway_.PublishMesh(MeshOf(WatchStream::kActorMesh, 0, 1));
+  gateway_.PublishWhole(MeshOf(WatchStream::kActorMesh, 0, 1));
   ExpectNext(meshes, WatchStream::kActorMesh, 0, 1);
   gateway_.Publish(MakeWatchPicture({.stream = WatchStream::kColor, .key_frame = true, .frame = 2},
                                     std::vector<std::uint8_t>(10, 1)));
@@ -58,9 +58,9 @@ TEST_F(GatewayMesh, OnlyWhoSubscribedGetsThem) {
 }
 
 TEST_F(GatewayMesh, StandingMeshesGoToEveryoneWhoSubscribesLater) {
-  gateway_.PublishMesh(MeshOf(WatchStream::kRoomMesh, 0, 1));
-  gateway_.PublishMesh(MeshOf(WatchStream::kObjectMesh, 1, 1));
-  gateway_.PublishMesh(MeshOf(WatchStream::kObjectMesh, 2, 1));
+  gateway_.PublishWhole(MeshOf(WatchStream::kRoomMesh, 0, 1));
+  gateway_.PublishWhole(MeshOf(WatchStream::kObjectMesh, 1, 1));
+  gateway_.PublishWhole(MeshOf(WatchStream::kObjectMesh, 2, 1));
   gateway_.RemoveMesh(WatchStream::kObjectMesh, 1);
   for (int i = 0; i < 2; ++i) {
     TestViewer viewer(gateway_.port());
@@ -71,15 +71,15 @@ TEST_F(GatewayMesh, StandingMeshesGoToEveryoneWhoSubscribesLater) {
 }
 
 TEST_F(GatewayMesh, AReplacedOneGoesOutAgainAndOnlyThatOne) {
-  gateway_.PublishMesh(MeshOf(WatchStream::kRoomMesh, 0, 1));
-  gateway_.PublishMesh(MeshOf(WatchStream::kObjectMesh, 7, 1));
+  gateway_.PublishWhole(MeshOf(WatchStream::kRoomMesh, 0, 1));
+  gateway_.PublishWhole(MeshOf(WatchStream::kObjectMesh, 7, 1));
   TestViewer viewer(gateway_.port());
   Subscribe(viewer);
   ExpectNext(viewer, WatchStream::kRoomMesh, 0, 1);
   ExpectNext(viewer, WatchStream::kObjectMesh, 7, 1);
-  gateway_.PublishMesh(MeshOf(WatchStream::kRoomMesh, 0, 2));
+  gateway_.PublishWhole(MeshOf(WatchStream::kRoomMesh, 0, 2));
   ExpectNext(viewer, WatchStream::kRoomMesh, 0, 2);
-  gateway_.PublishMesh(MeshOf(WatchStream::kActorMesh, 0, 3));
+  gateway_.PublishWhole(MeshOf(WatchStream::kActorMesh, 0, 3));
   ExpectNext(viewer, WatchStream::kActorMesh, 0, 3);
   // Who subscribes anew gets all that stands.
   ASSERT_TRUE(viewer.SendText(R"({"type":"subscribe","streams":[]})"));
@@ -93,10 +93,10 @@ TEST_F(GatewayMesh, ASlowViewerMissesMeshesOfTheActorButGetsTheNewestAndAllThatS
   Subscribe(viewer);
   constexpr std::uint64_t kLast = 200;
   for (std::uint64_t frame = 1; frame <= kLast; ++frame) {
-    gateway_.PublishMesh(MeshOf(WatchStream::kActorMesh, 0, frame, 100'000));
+    gateway_.PublishWhole(MeshOf(WatchStream::kActorMesh, 0, frame, 100'000));
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
-  gateway_.PublishMesh(MeshOf(WatchStream::kRoomMesh, 0, kLast + 1, 2'000'000));
+  gateway_.PublishWhole(MeshOf(WatchStream::kRoomMesh, 0, kLast + 1, 2'000'000));
   ASSERT_TRUE(Eventually([&] { return gateway_.counters().dropped_mesh_slow > 0; }));
   EXPECT_EQ(gateway_.counters().dropped_viewer_slow, 0u) << "no picture was lost";
   std::uint64_t actors = 0, newest = 0;

@@ -73,8 +73,8 @@ export type ControlMessage =
   /** Of a later version: skipped, not refused. */
   | { type: 'unknown'; name: string };
 
-/** What can be subscribed to: the streams of pictures, and all meshes together. */
-export type Subscription = StreamName | 'mesh';
+/** What can be subscribed to: the streams of pictures, all meshes together, and light maps. */
+export type Subscription = StreamName | 'mesh' | 'light';
 
 export type ViewerMessage =
   | { type: 'ticket'; ticket: string }

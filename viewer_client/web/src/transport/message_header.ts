@@ -19,7 +19,7 @@ export interface MessageHeader {
   near_m: number;
   far_m: number;
   /** A view into the message, not a copy. */
-  payload: Uint8Array;
+  payload: Uint8Array<ArrayBuffer>;
 }
 
 /** The reasons that a header is refused for, in the order they are checked. */

@@ -53,6 +53,7 @@ beforeEach(async () => {
     onLink: (link: Link) => links.push(link),
     onPicture: () => undefined,
     onMesh: () => undefined,
+    onLight: () => undefined,
     onControl: () => undefined,
     onRefused: (reason: string) => refused.push(reason),
   };

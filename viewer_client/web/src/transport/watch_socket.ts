@@ -2,6 +2,7 @@
 import { admit, type Admission } from './admission';
 import { Backoff } from './backoff';
 import { decodeControlMessage, type ControlMessage, type ViewerMessage } from './control_message';
+import { decodeLightMessage, isLightMessage, type LightMessage } from './light_message';
 import { decodeMeshMessage, isMeshMessage, type MeshMessage } from './mesh_message';
 import { decodePictureMessage, type PictureMessage } from './picture_message';
 
@@ -18,6 +19,7 @@ export interface WatchHandlers {
   onLink(link: Link): void;
   onPicture(picture: PictureMessage, message_bytes: number): void;
   onMesh(mesh: MeshMessage, message_bytes: number): void;
+  onLight(light: LightMessage, message_bytes: number): void;
   onControl(message: ControlMessage): void;
   /** A message that was not believed. */
   onRefused(reason: string): void;
@@ -143,6 +145,12 @@ export class WatchSocket {
       const mesh = decodeMeshMessage(view);
       if (mesh.ok) this.#handlers.onMesh(mesh.value, view.byteLength);
       else this.#handlers.onRefused(`mesh: ${mesh.reason}`);
+      return;
+    }
+    if (isLightMessage(view)) {
+      const light = decodeLightMessage(view);
+      if (light.ok) this.#handlers.onLight(light.value, view.byteLength);
+      else this.#handlers.onRefused(`light: ${light.reason}`);
       return;
     }
     const picture = decodePictureMessage(view);

@@ -7,10 +7,11 @@ import { el } from './dom';
 const kModes: readonly { mode: MatteMode; title: string; key: string }[] = [
   { mode: 'matte', title: 'Matte', key: 'M' },
   { mode: 'label', title: 'Label', key: 'L' },
+  { mode: 'light', title: 'Light', key: 'K' },
 ];
 const kLegend: readonly Label[] = ['actor', 'shadow', 'unknown'];
 
-/** Which of its two pictures the matte pane shows, and what the label colours mean. */
+/** Which of its pictures the matte pane shows, and what the label colours mean. */
 export class MatteControls {
   readonly root: HTMLElement;
   readonly legend: HTMLElement;
@@ -30,7 +31,7 @@ export class MatteControls {
     });
     this.root = el(
       'div',
-      { class: 'segmented', attributes: { role: 'group', 'aria-label': 'Matte or label' } },
+      { class: 'segmented', attributes: { role: 'group', 'aria-label': 'Matte, label or light map' } },
       ...buttons,
     );
     const entries = kLegend.map((label) => {

@@ -293,7 +293,7 @@ export class Page {
   #setMode(mode: MatteMode): void {
     this.#mode = mode;
     this.#matte_controls.setMode(mode);
-    this.#panes.matte.title = mode === 'matte' ? 'Matte' : 'Label';
+    this.#panes.matte.title = { matte: 'Matte', label: 'Label', light: 'Light map' }[mode];
     this.#show();
   }
 

@@ -43,6 +43,12 @@ export function viewKeys(actions: PageActions): Shortcut[] {
       run: () => actions.setMode('label'),
     },
     {
+      key: 'k',
+      label: 'K',
+      does: 'Light map: the shadows of virtual objects on white',
+      run: () => actions.setMode('light'),
+    },
+    {
       key: ' ',
       label: 'Space',
       does: 'Freeze the depth map, or let it go on',

@@ -15,7 +15,7 @@ export const kPictureNames = ['program', 'depth', 'matte'] as const;
 export type PictureName = (typeof kPictureNames)[number];
 export const kPaneNames = [...kPictureNames, 'room'] as const;
 export type PaneName = (typeof kPaneNames)[number];
-export type MatteMode = 'matte' | 'label';
+export type MatteMode = 'matte' | 'label' | 'light';
 
 /** Which panes are to be drawn, and how large they are on the screen: device pixels across, 0 = hidden. */
 export interface Shown {

@@ -53,9 +53,19 @@ export class Screens {
     if (this.#frozen === null) this.#redrawDepth();
     const { pane_px, mode } = this.#shown;
     if (pane_px.matte === 0) return;
+    if (mode === 'light') return;
     if (mode === 'label') return this.#drawLabel();
     this.#matte.takeCoverage(picture);
     this.#countMatte(this.#matte.draw(this.#matte_surface));
+  }
+
+  /** Borrows the picture. */
+  drawLight(picture: ImageBitmap): void {
+    const { pane_px, mode } = this.#shown;
+    if (pane_px.matte === 0 || mode !== 'light') return;
+    this.#matte_surface.resize(picture.width, picture.height);
+    this.#matte_surface.context.drawImage(picture, 0, 0);
+    this.#countMatte(true);
   }
 
   show(shown: Shown): void {

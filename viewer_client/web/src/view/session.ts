@@ -9,6 +9,7 @@ import {
   type StreamOffer,
   type Subscription,
 } from '../transport/control_message';
+import type { LightMessage } from '../transport/light_message';
 import type { MeshMessage } from '../transport/mesh_message';
 import { kStreamNames, type PictureMessage, type StreamName } from '../transport/picture_message';
 import { WatchSocket, type Link } from '../transport/watch_socket';
@@ -60,6 +61,7 @@ export class Session {
   #asked_key_ms = -Infinity;
   #pings = 0;
   #ping_timer: ReturnType<typeof setTimeout> | undefined;
+  #light_is_decoded = false;
   #restarts = 0;
   #refused = 0;
   #last_trouble = '';
@@ -76,6 +78,7 @@ export class Session {
       onLink: (link) => this.#linkChanged(link),
       onPicture: (picture, bytes) => this.#picture(picture, bytes),
       onMesh: (mesh, bytes) => this.#mesh(mesh, bytes),
+      onLight: (light, bytes) => void this.#light(light, bytes),
       onControl: (message) => this.#control(message),
       onRefused: (reason) => {
         this.#refused += 1;
@@ -212,6 +215,23 @@ export class Session {
     const { stream, id, T_scene_color, mesh, texture } = message;
     const parcel = { stream, id, T_scene_color, mesh, texture };
     this.#toRoom({ type: 'mesh', parcel }, [mesh.buffer as ArrayBuffer]);
+  }
+
+  /** One at a time: what comes while another is decoded is left out. */
+  async #light({ jpeg }: LightMessage, message_bytes: number): Promise<void> {
+    this.#byte_rate.add(clockNow_ms(), message_bytes);
+    if (this.#light_is_decoded || !this.#wanted.includes('light')) return;
+    this.#light_is_decoded = true;
+    try {
+      const picture = await createImageBitmap(new Blob([jpeg], { type: 'image/jpeg' }));
+      this.#screens.drawLight(picture);
+      picture.close();
+      this.#watchMatte();
+    } catch {
+      this.#trouble('light: not a picture');
+    } finally {
+      this.#light_is_decoded = false;
+    }
   }
 
   #toRoom(message: ToRoomFromSession, transfer: Transferable[] = []): void {

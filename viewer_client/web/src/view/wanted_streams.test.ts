@@ -12,6 +12,9 @@ describe('the streams asked for', () => {
     [0, 0, 0, 0, 'matte', []],
     [0, 0, 0, 1, 'matte', ['mesh']],
     [1, 1, 1, 1, 'label', ['color', 'depth', 'mesh']],
+    [0, 0, 1, 0, 'light', ['light']],
+    [1, 1, 1, 1, 'light', ['color', 'depth', 'mesh', 'light']],
+    [1, 0, 0, 0, 'light', ['color']],
   ] as const)(
     'program %i, depth %i, matte %i, 3D %i in mode %s',
     (program, depth, matte, room, mode, wanted) => {

@@ -7,7 +7,8 @@ export function wantedStreams(shown: Shown): Subscription[] {
   const { pane_px, mode } = shown;
   const wanted: Subscription[] = [];
   if (pane_px.program > 0 || (pane_px.matte > 0 && mode === 'matte')) wanted.push('color');
-  if (pane_px.depth > 0 || pane_px.matte > 0) wanted.push('depth');
+  if (pane_px.depth > 0 || (pane_px.matte > 0 && mode !== 'light')) wanted.push('depth');
   if (pane_px.room > 0) wanted.push('mesh');
+  if (pane_px.matte > 0 && mode === 'light') wanted.push('light');
   return wanted;
 }

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -10,22 +11,34 @@
 
 namespace mixstage {
 
-// One mesh as it goes to every viewer: the message of SPEC.md 4.3. Written once, then shared.
-struct MeshMessage {
+// A mesh or a light map as it goes to every viewer: a message of SPEC.md 4.1 or 4.3 that needs no other.
+// Written once, then shared.
+struct WholeMessage {
   WatchStream stream = WatchStream::kActorMesh;
   std::uint32_t id = 0;  // of an object
   std::vector<std::uint8_t> bytes;
 };
 
-[[nodiscard]] inline std::shared_ptr<const MeshMessage> MakeMeshMessage(const WatchMesh& mesh) {
-  return std::make_shared<const MeshMessage>(MeshMessage{mesh.stream, mesh.id, WriteWatchMesh(mesh)});
+[[nodiscard]] inline std::shared_ptr<const WholeMessage> MakeMeshMessage(const WatchMesh& mesh) {
+  return std::make_shared<const WholeMessage>(WholeMessage{mesh.stream, mesh.id, WriteWatchMesh(mesh)});
+}
+
+[[nodiscard]] inline std::shared_ptr<const WholeMessage> MakeLightMapMessage(
+    const WatchHeader& header, std::span<const std::uint8_t> jpeg) {
+  return std::make_shared<const WholeMessage>(
+      WholeMessage{header.stream, 0, WriteWatchPicture(header, jpeg)});
+}
+
+// Of others only the newest is of use.
+[[nodiscard]] inline bool IsStanding(WatchStream stream) {
+  return stream == WatchStream::kRoomMesh || stream == WatchStream::kObjectMesh;
 }
 
 // The meshes that stand until they are replaced: the room and the objects. Each gets the next number when it
 // is put here, so that a viewer's place in the list is one number, whatever was replaced meanwhile.
 class StandingMeshes {
  public:
-  void Put(std::shared_ptr<const MeshMessage> mesh) {
+  void Put(std::shared_ptr<const WholeMessage> mesh) {
     Remove(mesh->stream, mesh->id);
     meshes_.push_back({++last_number_, std::move(mesh)});
   }
@@ -35,7 +48,7 @@ class StandingMeshes {
 
   struct Numbered {
     std::uint64_t number = 0;
-    std::shared_ptr<const MeshMessage> mesh;  // null: there is none
+    std::shared_ptr<const WholeMessage> mesh;  // null: there is none
   };
   // The first whose number is above `number`.
   [[nodiscard]] Numbered After(std::uint64_t number) const {
