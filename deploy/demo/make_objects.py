@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Makes the demo's CG objects, amphora.glb, sculpture.glb, table.glb and ball.glb, beside this file (or in the folder given).
+"""Makes the demo's CG objects, amphora.glb, sculpture.glb, table.glb, ball.glb and pinwheel.glb, beside this file (or in the folder given).
 
 Everything is computed: the same bytes on every run. y up, metres, standing on y = 0 about the y axis.
 Needs only Python's own library.
@@ -132,6 +132,17 @@ def ball_paint(u, v):
     if abs(gore - round(gore)) < 0.05:
         return (244, 240, 230)
     return ((226, 74, 44), (248, 186, 52), (34, 118, 184))[int(gore) % 3]
+
+
+def sail_paint(u, v):
+    """A sail from its hub (u = 0) to its tip, with a hem."""
+    if u > 0.93 or v < 0.06 or v > 0.94:
+        return (250, 246, 236)
+    return mix((214, 58, 40), (250, 178, 44), u)
+
+
+def pine_paint(u, v):
+    return mix((196, 158, 104), (222, 188, 134), noise(u, v, 16, 31))
 
 
 # ---- shapes ---------------------------------------------------------------------------------------------------
@@ -336,10 +347,52 @@ def ball():
     return [(skin, "rubber", png(240, 96, ball_paint), 0.0, 0.3)]
 
 
+def pinwheel():
+    """Six sails that turn on a stand: "turn" for ever, "gust" once round and round until it is still."""
+    stand, hub_y, radius = Part(), 0.80, 0.23
+    lathe(stand, [(0.0, 0.020), (0.100, 0.020), (0.110, 0.014), (0.110, 0.0)][::-1], 28, lambda i, y: 0.1 * i)
+    lathe(stand, [(0.012, 0.018), (0.009, hub_y), (0.0, hub_y + 0.006)], 12, lambda i, y: y)
+    wheel = Part()
+    for sail in range(6):
+        for side in (1, -1):
+            rows = []
+            for i in range(7):
+                row = []
+                for j in range(5):
+                    s, t = i / 6, j / 4
+                    a = 2 * math.pi * sail / 6 + 0.80 * t
+                    r = 0.018 + (radius - 0.018) * s * (1 - 0.35 * t)
+                    belly = 0.055 * s * t * t  # the trailing edge is bent toward whom it faces
+                    normal = (-0.6 * t * s * -math.sin(a) * side, -0.6 * t * s * math.cos(a) * side, side)
+                    row.append(wheel.vertex((r * math.cos(a), r * math.sin(a), 0.03 + belly + 0.001 * side), normal, (s, t)))
+                rows.append(row)
+            wheel.grid(rows)
+    hub = Part()
+    lathe(hub, [(0.0, 0.050), (0.016, 0.046), (0.022, 0.032), (0.016, 0.006)][::-1], 16, lambda i, y: 0.5)
+    hub.positions = [(x, -z, y) for x, y, z in hub.positions]  # its axis forward
+    hub.normals = [(x, -z, y) for x, y, z in hub.normals]
+    cream = png(4, 4, lambda u, v: (244, 232, 206))
+    parts = [(stand, "pine", png(64, 64, pine_paint), 0.0, 0.6)]
+    turning = [(wheel, "paper", png(96, 64, sail_paint), 0.0, 0.5), (hub, "enamel", cream, 0.0, 0.3)]
+    # Slower and slower, through whole turns: 12 thirds of one.
+    slowing = [(4.0 * (1 - (1 - k / 12) ** 0.5), k) for k in range(13)]
+    return parts, Turning((0.0, hub_y, 0.0), turning, {
+        "turn": [(k * 5.0 / 3, k) for k in range(4)],
+        "gust": slowing,
+    })
+
+
+class Turning:
+    """Parts that turn about z of a pivot: clips of (second, thirds of a turn)."""
+
+    def __init__(self, pivot, parts, clips):
+        self.pivot, self.parts, self.clips = pivot, parts, clips
+
+
 # ---- glTF -----------------------------------------------------------------------------------------------------
 
-def write_glb(path, parts):
-    views, accessors, primitives, materials, images = [], [], [], [], []
+def write_glb(path, parts, turning=None):
+    views, accessors, materials, images, animations = [], [], [], [], []
     binary = bytearray()
 
     def view(data):
@@ -356,35 +409,55 @@ def write_glb(path, parts):
         flat = [x for row in rows for x in row]
         return struct.pack("<%df" % len(flat), *flat)
 
-    for part, name, picture, metallic, roughness in parts:
+    def single(values):
+        return list(struct.unpack("<%df" % len(values), struct.pack("<%df" % len(values), *values)))
+
+    def primitive(part, name, picture, metallic, roughness):
         count = len(part.positions)
         assert count < 65536
         low = [min(p[k] for p in part.positions) for k in range(3)]
         high = [max(p[k] for p in part.positions) for k in range(3)]
-        single = lambda values: list(struct.unpack("<3f", struct.pack("<3f", *values)))
         attributes = {
             "POSITION": accessor(floats(part.positions), 5126, count, "VEC3", min=single(low), max=single(high)),
             "NORMAL": accessor(floats(part.normals), 5126, count, "VEC3"),
             "TEXCOORD_0": accessor(floats(part.uvs), 5126, count, "VEC2"),
         }
         indices = accessor(struct.pack("<%dH" % len(part.indices), *part.indices), 5123, len(part.indices), "SCALAR")
-        primitives.append({"attributes": attributes, "indices": indices, "material": len(materials)})
         images.append({"bufferView": view(picture), "mimeType": "image/png"})
         materials.append({"name": name, "pbrMetallicRoughness": {
             "baseColorTexture": {"index": len(images) - 1}, "metallicFactor": metallic, "roughnessFactor": roughness}})
+        return {"attributes": attributes, "indices": indices, "material": len(materials) - 1}
+
+    meshes = [{"primitives": [primitive(*part) for part in parts]}]
+    nodes = [{"mesh": 0, "name": path.stem}]
+    if turning is not None:
+        meshes.append({"primitives": [primitive(*part) for part in turning.parts]})
+        nodes[0]["children"] = [1]
+        nodes.append({"mesh": 1, "name": "wheel", "translation": list(turning.pivot)})
+        for name, keys in turning.clips.items():
+            times = [(t,) for t, _ in keys]
+            half = [math.pi * thirds / 3 for _, thirds in keys]
+            sampler = {
+                "input": accessor(floats(times), 5126, len(keys), "SCALAR", min=single(times[0]), max=single(times[-1])),
+                "output": accessor(floats([(0.0, 0.0, math.sin(a), math.cos(a)) for a in half]), 5126, len(keys), "VEC4"),
+            }
+            animations.append({"name": name, "samplers": [sampler],
+                               "channels": [{"sampler": 0, "target": {"node": 1, "path": "rotation"}}]})
     binary.extend(b"\0" * (-len(binary) % 4))
     document = {
         "asset": {"version": "2.0", "generator": "MixStage deploy/demo/make_objects.py"},
-        "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0, "name": path.stem}],
-        "meshes": [{"primitives": primitives}], "materials": materials,
+        "scene": 0, "scenes": [{"nodes": [0]}], "nodes": nodes,
+        "meshes": meshes, "materials": materials,
         "textures": [{"source": i} for i in range(len(images))], "images": images,
         "accessors": accessors, "bufferViews": views, "buffers": [{"byteLength": len(binary)}],
     }
+    if animations:
+        document["animations"] = animations
     text = json.dumps(document, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + bytes(binary)
     path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
-    triangles = sum(len(part.indices) // 3 for part, *_ in parts)
+    triangles = sum(len(part.indices) // 3 for part, *_ in parts + (turning.parts if turning else []))
     print(f"{path.name}: {path.stat().st_size} bytes, {triangles} triangles")
 
 
@@ -395,6 +468,7 @@ def main():
     write_glb(folder / "sculpture.glb", sculpture())
     write_glb(folder / "table.glb", table())
     write_glb(folder / "ball.glb", ball())
+    write_glb(folder / "pinwheel.glb", *pinwheel())
 
 
 if __name__ == "__main__":

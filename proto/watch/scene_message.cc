@@ -16,8 +16,8 @@ using Json = nlohmann::json;
 
 constexpr int kMaxId = std::numeric_limits<int>::max();
 constexpr std::array<const char*, std::variant_size_v<EditOp>> kOpNames = {
-    "add",    "move",  "turn",   "drop", "delete", "hide", "light",
-    "avatar", "adopt", "forget", "undo", "redo",   "save"};
+    "add",   "move",   "turn",  "drop",   "delete", "hide", "animate",
+    "light", "avatar", "adopt", "forget", "undo",   "redo", "save"};
 
 std::string Dump(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
 
@@ -106,31 +106,47 @@ EditOp ReadOp(JsonReader& read) {
       return hide;
     }
     case 6: {
+      AnimateObject animate;
+      ReadId(read, "object", &animate.object);
+      read.Text("animation", &animate.animation);
+      return animate;
+    }
+    case 7: {
       ChangeLight light;
       ReadLight(read, &light);
       return light;
     }
-    case 7: {
+    case 8: {
       PlaceAvatar place;
       if (read.Has("position")) read.Numbers("position", place.position.emplace());
       if (read.Has("turn_deg")) read.Double("turn_deg", &place.turn_deg.emplace());
       if (!place.position && !place.turn_deg) read.Refuse("avatar", "comes without position or turn_deg");
       return place;
     }
-    case 8: {
+    case 9: {
       AdoptThing adopt;
       ReadPoint(read, &adopt.at);
       return adopt;
     }
-    case 9:
+    case 10:
       return ForgetThings{};
-    case 11:
-      return RedoEdit{};
     case 12:
+      return RedoEdit{};
+    case 13:
       return SaveScene{};
     default:  // undo, and what was refused
       return UndoEdit{};
   }
+}
+
+Result<std::vector<std::string>> ReadNames(const std::string& place, const Json& list) {
+  std::vector<std::string> names;
+  for (const Json& item : list) {
+    if (!item.is_string() || item.get_ref<const std::string&>().size() > 1024)
+      return Fail(ErrorCode::kBadInput, place + " holds something else than short names");
+    names.push_back(item.get<std::string>());
+  }
+  return names;
 }
 
 Result<WatchObject> ReadObject(const Json& item) {
@@ -147,7 +163,17 @@ Result<WatchObject> ReadObject(const Json& item) {
   read.Numbers("base", object.base);
   read.Double("radius_m", &object.radius_m);
   read.Bool("hidden", &object.hidden);
+  const Json* animations = nullptr;
+  if (read.Has("animations")) {
+    read.List("animations", kMaxAnimations, &animations);
+    read.Text("animation", &object.animation);
+  }
   if (!read.status()) return Within("objects", read.status().error());
+  if (animations != nullptr) {
+    auto names = ReadNames("objects: animations", *animations);
+    if (!names) return tl::unexpected(names.error());
+    object.animations = std::move(*names);
+  }
   return object;
 }
 
@@ -206,6 +232,10 @@ struct PutOp {
     json["object"] = hide.object;
     json["hidden"] = hide.hidden;
   }
+  void operator()(const AnimateObject& animate) const {
+    json["object"] = animate.object;
+    json["animation"] = animate.animation;
+  }
   void operator()(const ChangeLight& light) const {
     json["light"] = light.light;
     if (light.position) json["position"] = List(*light.position);
@@ -240,6 +270,9 @@ std::string ToJson(const WatchScene& scene) {
                        {"base", List(object.base)},
                        {"radius_m", Finite(object.radius_m)},
                        {"hidden", object.hidden}});
+    if (object.animations.empty()) continue;
+    objects.back()["animations"] = object.animations;
+    objects.back()["animation"] = object.animation;
   }
   Json lights = Json::array();
   for (const WatchLight& light : scene.lights) {
@@ -316,12 +349,9 @@ Result<WatchScene> ReadScene(const JsonFields& fields) {
     if (!light) return Within("scene", light.error());
     scene.lights.push_back(std::move(*light));
   }
-  for (const Json& item : *models) {
-    if (!item.is_string() || item.get_ref<const std::string&>().size() > 1024) {
-      return Fail(ErrorCode::kBadInput, "scene: models holds something else than short names");
-    }
-    scene.models.push_back(item.get<std::string>());
-  }
+  auto names = ReadNames("scene: models", *models);
+  if (!names) return tl::unexpected(names.error());
+  scene.models = std::move(*names);
   return scene;
 }
 

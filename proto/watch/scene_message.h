@@ -19,6 +19,7 @@ namespace mixstage {
 inline constexpr std::size_t kMaxSceneObjects = 256;
 inline constexpr std::size_t kMaxSceneLights = 64;
 inline constexpr std::size_t kMaxSceneModels = 256;
+inline constexpr std::size_t kMaxAnimations = 64;  // of an object
 
 // ---- server to viewer ----
 struct WatchObject {
@@ -31,6 +32,8 @@ struct WatchObject {
   std::array<double, 3> base{};    // scene frame: the middle of its lowest face
   double radius_m = 0;             // about base, at right angles to up
   bool hidden = false;
+  std::vector<std::string> animations{};  // that its file has
+  std::string animation{};                // the one it plays; where it has any: "none" = it stands
   bool operator==(const WatchObject&) const = default;
 };
 
@@ -121,6 +124,11 @@ struct HideObject {
   bool hidden = false;
   bool operator==(const HideObject&) const = default;
 };
+struct AnimateObject {
+  std::uint32_t object = 0;
+  std::string animation{};  // of WatchObject::animations, or "none"
+  bool operator==(const AnimateObject&) const = default;
+};
 struct ChangeLight {  // at least one of the three
   std::uint32_t light = 0;
   std::optional<std::array<double, 3>> position{}, color{};
@@ -150,8 +158,8 @@ struct SaveScene {
 };
 
 using EditOp =
-    std::variant<AddObject, MoveObject, TurnObject, DropObject, DeleteObject, HideObject, ChangeLight,
-                 PlaceAvatar, AdoptThing, ForgetThings, UndoEdit, RedoEdit, SaveScene>;
+    std::variant<AddObject, MoveObject, TurnObject, DropObject, DeleteObject, HideObject, AnimateObject,
+                 ChangeLight, PlaceAvatar, AdoptThing, ForgetThings, UndoEdit, RedoEdit, SaveScene>;
 
 struct WatchEdit {
   int id = 0;         // the sender's own number, >= 0

@@ -21,7 +21,7 @@ void Reactions::SetScene(const Scene& scene, Scene& posed) {
   });
 }
 
-bool Reactions::Step(std::int64_t t_us, std::vector<PhysicsEvent>& events, Physics& physics, Scene& posed) {
+bool Reactions::Step(std::int64_t t_us, std::vector<PhysicsEvent>& events, const Stage& stage) {
   for (const PhysicsEvent& event : events) {
     if (event.kind != PhysicsEventKind::kTouch) continue;
     for (std::size_t i = 0; i < reactions_.size(); ++i) {
@@ -39,13 +39,13 @@ bool Reactions::Step(std::int64_t t_us, std::vector<PhysicsEvent>& events, Physi
       ++due;
       continue;
     }
-    lights_changed |= Do(*due, events, physics, posed);
+    lights_changed |= Do(*due, events, stage);
     due = due_.erase(due);
   }
   return lights_changed;
 }
 
-bool Reactions::Do(const Due& due, std::vector<PhysicsEvent>& events, Physics& physics, Scene& posed) {
+bool Reactions::Do(const Due& due, std::vector<PhysicsEvent>& events, const Stage& stage) {
   const auto& action = reactions_[due.reaction].action;
   if (const auto* message = std::get_if<SendMessage>(&action)) {
     PhysicsEvent said = due.cause;
@@ -55,10 +55,13 @@ bool Reactions::Do(const Due& due, std::vector<PhysicsEvent>& events, Physics& p
     events.push_back(std::move(said));
   } else if (const auto* back = std::get_if<PutBack>(&action)) {
     const auto object = std::ranges::find(objects_, back->object, &SceneObject::name);
-    if (object != objects_.end()) physics.PutBack(*object);
+    if (object != objects_.end()) stage.physics.PutBack(*object);
+  } else if (const auto* play = std::get_if<PlayAnimation>(&action)) {
+    stage.animations.PlayOnce(*play, due.t_us, stage.posed);
   } else if (const auto* dim = std::get_if<DimLight>(&action)) {
-    const auto light = std::ranges::find(posed.lights, dim->light, &Light::name);
-    if (light == posed.lights.end() || light->intensity == dim->intensity) return false;
+    std::vector<Light>& lights = stage.posed.lights;
+    const auto light = std::ranges::find(lights, dim->light, &Light::name);
+    if (light == lights.end() || light->intensity == dim->intensity) return false;
     Dimmed& dimmed = dimmed_.try_emplace(light->id, Dimmed{light->intensity, 0}).first->second;
     light->intensity = dimmed.now = dim->intensity;
     return true;

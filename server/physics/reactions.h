@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // What a scene does when its objects meet something (`reactions` in scene.yaml): a message to viewers and to
-// a show-control desk, a light that changes, an object that is put back.
+// a show-control desk, a light that changes, an object that is put back, an animation that plays.
 #pragma once
 
 #include <cstdint>
@@ -10,6 +10,7 @@
 
 #include "server/physics/physics.h"
 #include "server/physics/physics_event.h"
+#include "server/scene/animations.h"
 #include "server/scene/scene.h"
 
 namespace mixstage {
@@ -20,10 +21,16 @@ class Reactions {
   // has changed them since. What is due goes on where the scene's reactions are the same.
   void SetScene(const Scene& scene, Scene& posed);
 
+  // What reactions change.
+  struct Stage {
+    Physics& physics;
+    Animations& animations;
+    Scene& posed;
+  };
   // Looks at what has happened and does what is due by t_us of the pictures' clock; messages are appended to
   // the events. A reaction that waits for its time is not set off again. True where a light of `posed` has
   // changed.
-  bool Step(std::int64_t t_us, std::vector<PhysicsEvent>& events, Physics& physics, Scene& posed);
+  bool Step(std::int64_t t_us, std::vector<PhysicsEvent>& events, const Stage& stage);
 
  private:
   struct Due {
@@ -34,7 +41,7 @@ class Reactions {
   struct Dimmed {
     float was = 0, now = 0;
   };
-  bool Do(const Due& due, std::vector<PhysicsEvent>& events, Physics& physics, Scene& posed);
+  bool Do(const Due& due, std::vector<PhysicsEvent>& events, const Stage& stage);
 
   std::vector<Reaction> reactions_;
   std::vector<Due> due_;

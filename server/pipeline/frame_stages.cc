@@ -617,7 +617,7 @@ void FrameStages::StepPhysics(Studio& s, Frame& f) {
       t_us, s.actor_collider_->Run(View(std::as_const(f.actor_depth_m)), T_scene_color, reach, t_us));
   s.moved_ |= s.physics_->WritePoses(s.posed_);
   f.events = s.physics_->TakeEvents();
-  if (s.reactions_.Step(t_us, f.events, *s.physics_, s.posed_))
+  if (s.reactions_.Step(t_us, f.events, {*s.physics_, s.animations_, s.posed_}))
     s.illumination_ = IlluminationOf(s.posed_, s.RoomRadianceOrNull());
   for (const PhysicsEvent& event : f.events) {
     if (event.kind == PhysicsEventKind::kProblem) spdlog::warn("physics {}", event.text);
@@ -627,6 +627,7 @@ void FrameStages::StepPhysics(Studio& s, Frame& f) {
 void FrameStages::RenderScene(Studio& s, Frame& f) {
   f.cg = nullptr;
   if (!s.scene_) return;
+  s.animations_.Pose(f.captured->capture_us, s.posed_);
   const RigidTransform T_camera_scene = s.TSceneColor(f).inverse();
   const Scene* drawn = &s.posed_;
   if (!s.patches_.empty()) {

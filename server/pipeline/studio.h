@@ -26,6 +26,7 @@
 #include "server/render/reflections.h"
 #include "server/render/room_radiance.h"
 #include "server/render/room_view.h"
+#include "server/scene/animations.h"
 #include "server/scene/edit_change.h"
 #include "server/scene/scene.h"
 #include "server/segmentation/actor_surface.h"
@@ -215,8 +216,9 @@ class Studio {
   // step_physics: null until something falls, where there is no scanned world
   std::unique_ptr<Physics> physics_;
   std::unique_ptr<ActorCollider> actor_collider_;
-  Scene posed_;  // scene_, its objects where physics has them
+  Scene posed_;  // scene_, its objects where physics and animations have them
   Reactions reactions_;
+  Animations animations_;
   bool room_is_new_ = true;  // physics has not heard of it yet
   bool moved_ = false;
   std::vector<Eigen::Vector3f> surface_positions_;

@@ -32,6 +32,8 @@ void CameraScene::Place(const Scene& scene, const RigidTransform& T_camera_scene
     triangles += prepared->triangles.size();
 
     const Mesh& mesh = *source.mesh;
+    const std::vector<Eigen::Vector3f>& positions = source.positions();
+    const std::vector<Eigen::Vector3f>& facing = source.normals();
     const Eigen::Matrix3f linear = T_camera_object.linear().cast<float>();
     const Eigen::Vector3f shift = T_camera_object.translation().cast<float>();
     const Eigen::Matrix3f normals = T_camera_object.linear().inverse().transpose().cast<float>();
@@ -39,8 +41,8 @@ void CameraScene::Place(const Scene& scene, const RigidTransform& T_camera_scene
     CameraVertex* out = vertices_.data() + object.first_vertex;
     const bool has_uvs = !mesh.uvs.empty();
     for (std::size_t k = 0; k < mesh.positions.size(); ++k) {
-      const Eigen::Vector3f p = linear * mesh.positions[k] + shift;
-      const Eigen::Vector3f n = normals * mesh.normals[k];
+      const Eigen::Vector3f p = linear * positions[k] + shift;
+      const Eigen::Vector3f n = normals * facing[k];
       const Eigen::Vector2f uv = has_uvs ? mesh.uvs[k] : Eigen::Vector2f::Zero().eval();
       out[k].position_u = Eigen::Array4f(p.x(), p.y(), p.z(), uv.x());
       out[k].normal_v = Eigen::Array4f(n.x(), n.y(), n.z(), uv.y());
@@ -95,17 +97,17 @@ cv::Rect CameraScene::Region(const PinholeCamera& camera, double near_m) const {
 void CameraScene::Draw(const Scene& scene, const RigidTransform& T_camera_scene,
                        Rasteriser& rasteriser) const {
   for (const CameraObject& object : objects_) {
-    const Eigen::Affine3d T_camera_object =
-        T_camera_scene * scene.objects[static_cast<std::size_t>(object.index)].T_scene_object;
+    const SceneObject& source = scene.objects[static_cast<std::size_t>(object.index)];
+    const Eigen::Affine3d T_camera_object = T_camera_scene * source.T_scene_object;
     const std::span<const std::uint32_t> indices(object.mesh->indices);
     const std::size_t one_sided = 3 * object.mesh->one_sided;
     const int first = static_cast<int>(object.first_triangle);
     if (one_sided > 0) {
-      rasteriser.Draw({object.mesh->mesh->positions, indices.first(one_sided)}, T_camera_object, first,
+      rasteriser.Draw({source.positions(), indices.first(one_sided)}, T_camera_object, first,
                       Faces::kFrontOnly);
     }
     if (one_sided < indices.size()) {
-      rasteriser.Draw({object.mesh->mesh->positions, indices.subspan(one_sided)}, T_camera_object,
+      rasteriser.Draw({source.positions(), indices.subspan(one_sided)}, T_camera_object,
                       first + static_cast<int>(object.mesh->one_sided), Faces::kBoth);
     }
   }

@@ -27,6 +27,7 @@ struct Drawn {
   Illumination light;
   CgPart part;
   std::vector<std::shared_ptr<const Mesh>> meshes;
+  std::vector<std::shared_ptr<const PosedVertices>> posed;
   std::vector<Eigen::Matrix4d> poses;
 
   [[nodiscard]] bool Is(const Scene& scene, const RigidTransform& T, const Illumination& now,
@@ -36,7 +37,8 @@ struct Drawn {
       return false;
     if (meshes.size() != scene.objects.size()) return false;
     for (std::size_t i = 0; i < meshes.size(); ++i) {
-      if (meshes[i] != scene.objects[i].mesh || poses[i] != scene.objects[i].T_scene_object.matrix())
+      if (meshes[i] != scene.objects[i].mesh || posed[i] != scene.objects[i].posed ||
+          poses[i] != scene.objects[i].T_scene_object.matrix())
         return false;
     }
     return true;
@@ -47,9 +49,11 @@ struct Drawn {
     light = now;
     part = of;
     meshes.clear();
+    posed.clear();
     poses.clear();
     for (const SceneObject& object : scene.objects) {
       meshes.push_back(object.mesh);
+      posed.push_back(object.posed);
       poses.push_back(object.T_scene_object.matrix());
     }
   }

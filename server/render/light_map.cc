@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
+#include <utility>
 
 #include "proto/base/check.h"
 
@@ -78,7 +78,7 @@ bool LightMapper::SameObjects(const Scene& scene) const {
   std::size_t k = 0;
   for (const SceneObject& object : scene.objects) {
     if (object.hidden) continue;
-    if (k == objects_.size() || placed_meshes_[k] != object.mesh ||
+    if (k == objects_.size() || objects_[k].mesh != object.mesh || objects_[k].posed != object.posed ||
         objects_[k].T_scene_object.matrix() != object.T_scene_object.matrix())
       return false;
     ++k;
@@ -86,45 +86,49 @@ bool LightMapper::SameObjects(const Scene& scene) const {
   return k == objects_.size();
 }
 
+std::shared_ptr<const ShadowShape> LightMapper::ShapeOf(const SceneObject& object) {
+  std::shared_ptr<const ShadowShape>& shape = shapes_[object.mesh];
+  if (shape == nullptr) shape = std::make_shared<const ShadowShape>(ShadowShapeOf(*object.mesh));
+  if (object.posed == nullptr) return shape;
+  return std::make_shared<const ShadowShape>(Posed(*shape, object.posed->positions));
+}
+
 void LightMapper::PlaceObjects(const Scene& scene) {
   ++objects_revision_;
-  const std::vector<Object> before = std::move(objects_);
-  const std::vector<std::shared_ptr<const Mesh>> meshes_before = placed_meshes_;
-  objects_.clear();
-  placed_meshes_.clear();
-  surfels_.clear();
+  const std::vector<Object> before = std::exchange(objects_, {});
+  surfels_.Clear();
   for (const SceneObject& object : scene.objects) {
     if (object.hidden) continue;
-    std::unique_ptr<ShadowShape>& shape = shapes_[object.mesh];
-    if (shape == nullptr) shape = std::make_unique<ShadowShape>(ShadowShapeOf(*object.mesh));
-    placed_meshes_.push_back(object.mesh);
     const Eigen::Affine3d& T = object.T_scene_object;
     Object placed;
-    placed.shape = shape.get();
+    placed.mesh = object.mesh;
+    placed.posed = object.posed;
+    placed.shape = ShapeOf(object);
     placed.T_scene_object = T;
-    placed.center = (T * shape->center.cast<double>()).cast<float>();
-    placed.radius_m = shape->radius_m * static_cast<float>(T.linear().norm());
-    placed.first_surfel = surfels_.size();
+    placed.center = (T * placed.shape->center.cast<double>()).cast<float>();
+    placed.radius_m = placed.shape->radius_m * static_cast<float>(T.linear().norm());
     const double volume = std::abs(T.linear().determinant());
-    placed.surfels = volume > 0 ? shape->surfels.size() : 0;
-    objects_.push_back(placed);
-    if (placed.surfels == 0) continue;
-    const Eigen::Matrix3f of_area = (volume * T.linear().inverse().transpose()).cast<float>();
-    for (const Surfel& surfel : shape->surfels) {
-      surfels_.push_back({(T * surfel.center.cast<double>()).cast<float>(), of_area * surfel.facing});
+    if (volume > 0) {
+      const Eigen::Matrix3f of_area = (volume * T.linear().inverse().transpose()).cast<float>();
+      for (const Surfel& surfel : placed.shape->surfels)
+        surfels_.Add({(T * surfel.center.cast<double>()).cast<float>(), of_area * surfel.facing});
     }
+    placed.surfels = surfels_.Close();
+    objects_.push_back(placed);
   }
   moved_.reset();
-  if (placed_meshes_ == meshes_before) {
+  if (std::ranges::equal(before, objects_, {}, &Object::mesh, &Object::mesh)) {
     moved_.emplace();
     for (std::size_t k = 0; k < objects_.size(); ++k) {
-      if (before[k].T_scene_object.matrix() == objects_[k].T_scene_object.matrix()) continue;
+      if (before[k].posed == objects_[k].posed &&
+          before[k].T_scene_object.matrix() == objects_[k].T_scene_object.matrix())
+        continue;
       for (const Object& object : {before[k], objects_[k]})
         moved_->push_back({object.center, object.radius_m});
     }
   }
   std::erase_if(shapes_, [&](const auto& known) {
-    return std::find(placed_meshes_.begin(), placed_meshes_.end(), known.first) == placed_meshes_.end();
+    return std::ranges::find(objects_, known.first, &Object::mesh) == objects_.end();
   });
 }
 
@@ -208,20 +212,10 @@ bool LightMapper::MayBeShaded(const Eigen::Vector3f& center, float radius_m) {
   return any;
 }
 
-// Form factors of the surfels that face the point: right for a convex object above the horizon.
 float LightMapper::HiddenAmbient(const Point& at) const {
   float hidden = 0;
   for (std::size_t k = 0; k < objects_.size(); ++k) {
-    if (hiding_[k] == 0) continue;
-    for (std::size_t i = objects_[k].first_surfel; i < objects_[k].first_surfel + objects_[k].surfels; ++i) {
-      const Surfel& surfel = surfels_[i];
-      const Eigen::Vector3f to = surfel.center - at.position;
-      const float above = to.dot(at.normal), faces = -to.dot(surfel.facing);
-      if (!(above > 0) || !(faces > 0)) continue;
-      // cos cos area / (pi d^2 + area)
-      const float d2 = to.squaredNorm();
-      hidden += above * faces / (d2 * (std::numbers::pi_v<float> * d2 + surfel.facing.norm()));
-    }
+    if (hiding_[k] != 0) hidden += surfels_.Hidden(objects_[k].surfels, at.position, at.normal);
   }
   return std::min(hidden, 1.0f);
 }
@@ -271,28 +265,61 @@ cv::Vec3f LightMapper::FactorOf(const Spots& of, std::size_t spot, const float* 
   return factor;
 }
 
-void LightMapper::Fill(const Spot& spot, const cv::Vec3f& factor, cv::Mat3f& factors) {
-  for (int y = spot.y; y < std::min(spot.y + spot.size, factors.rows); ++y) {
-    for (int x = spot.x; x < std::min(spot.x + spot.size, factors.cols); ++x) factors(y, x) = factor;
+void LightMapper::Fill(const Tile& tile, const Spots& of, const std::vector<cv::Vec3f>& factor, Beside beside,
+                       cv::Mat3f& factors) {
+  const Spot* spots = of.spots.data() + tile.begin;
+  const cv::Rect& box = tile.box;
+  if (spots->size == 1) {
+    for (std::size_t k = 0; k < factor.size(); ++k) factors(spots[k].y, spots[k].x) = factor[k];
+    return;
+  }
+  // Every second pixel is a spot's; those between are means.
+  constexpr int kCells = kTile / 2 + 1;
+  cv::Vec3f cells[kCells][kCells];
+  float known[kCells][kCells] = {};
+  if (beside == Beside::kLit) {
+    for (int v = 0; 2 * v < box.height; ++v) {
+      for (int u = 0; 2 * u < box.width; ++u) cells[v][u] = cv::Vec3f::all(known[v][u] = 1);
+    }
+  }
+  for (std::size_t k = 0; k < factor.size(); ++k) {
+    const int u = (spots[k].x - box.x) / 2, v = (spots[k].y - box.y) / 2;
+    cells[v][u] = factor[k];
+    known[v][u] = 1;
+  }
+  for (int y = 0; y < box.height; ++y) {
+    for (int x = 0; x < box.width; ++x) {
+      cv::Vec3f sum(0, 0, 0);
+      float count = 0;
+      for (const int v : {y / 2, (y + 1) / 2}) {
+        for (const int u : {x / 2, (x + 1) / 2}) {
+          sum += known[v][u] * cells[v][u];
+          count += known[v][u];
+        }
+      }
+      if (count > 0) factors(box.y + y, box.x + x) = sum / count;
+    }
   }
 }
 
-void LightMapper::Close(Tile tile, Spots& to, cv::Mat3f& factors) const {
+void LightMapper::Close(Tile tile, Spots& to, Beside beside, cv::Mat3f& factors) {
   tile.end = to.spots.size();
   if (tile.end == tile.begin) return;
   Eigen::AlignedBox3f box;
+  factor_.clear();
   for (std::size_t k = tile.begin; k < tile.end; ++k) {
     Spot& spot = to.spots[k];
     spot.factor = FactorOf(to, k, nullptr);
-    Fill(spot, spot.factor, factors);
+    factor_.push_back(spot.factor);
     box.extend(spot.position);
   }
+  Fill(tile, to, factor_, beside, factors);
   tile.center = box.center();
   tile.radius_m = 0.5f * box.diagonal().norm();
   to.tiles.push_back(tile);
 }
 
-bool LightMapper::Shade(Spots& spots, cv::Mat3f& factors) {
+bool LightMapper::Shade(Spots& spots, Beside beside, cv::Mat3f& factors) {
   bool any = false;
   for (Tile& tile : spots.tiles) {
     shaded_.assign(lamps_.size(), 0);
@@ -304,6 +331,7 @@ bool LightMapper::Shade(Spots& spots, cv::Mat3f& factors) {
     if (!reached && !tile.changed) continue;
     any = true;
     tile.changed = reached;
+    factor_.clear();
     for (std::size_t k = tile.begin; k < tile.end; ++k) {
       const Spot& spot = spots.spots[k];
       // The actor's shape is coarse: of two neighbours in a row the second is shaded as the first.
@@ -315,8 +343,9 @@ bool LightMapper::Shade(Spots& spots, cv::Mat3f& factors) {
                 : 1.0f;
       }
       const bool shaded = std::any_of(share_.begin(), share_.end(), [](float lit) { return lit < 1; });
-      Fill(spot, shaded ? FactorOf(spots, k, share_.data()) : spot.factor, factors);
+      factor_.push_back(shaded ? FactorOf(spots, k, share_.data()) : spot.factor);
     }
+    Fill(tile, spots, factor_, beside, factors);
   }
   return any;
 }
@@ -431,7 +460,7 @@ void LightMapper::LightRoom(const LightMapInput& in, Renew renew) {
           }
         }
       }
-      Close(tile, room_, map_.room);
+      Close(tile, room_, Beside::kLit, map_.room);
     }
   }
   for (const Tile& tile : room_.tiles) Touch(tile.box, room_touched_);
@@ -533,7 +562,7 @@ void LightMapper::LightCg(const LightMapInput& in) {
           cg_.spots.push_back({x, y, step_, off_room, shaded_as, ambient, {}});
         }
       }
-      Close(tile, cg_, map_.cg);
+      Close(tile, cg_, Beside::kUnknown, map_.cg);
     }
   }
 }
@@ -583,8 +612,8 @@ const LightMap& LightMapper::Run(const LightMapInput& in) {
   }
   made_ = now;
   PlaceActor(in);
-  Shade(room_, map_.room);
-  if (Shade(cg_, map_.cg)) ++map_.cg_revision;
+  Shade(room_, Beside::kLit, map_.room);
+  if (Shade(cg_, Beside::kUnknown, map_.cg)) ++map_.cg_revision;
   room_touched_.copyTo(map_.touched);
   LightActor(in);
   return map_;

@@ -27,6 +27,7 @@
 #include "server/render/lamp_samples.h"
 #include "server/render/shadow_map.h"
 #include "server/render/shadow_shapes.h"
+#include "server/render/surfel_table.h"
 #include "server/scene/scene.h"
 
 namespace mixstage {
@@ -69,11 +70,13 @@ class LightMapper {
     bool room_drawn = false;
   };
   struct Object {
-    const ShadowShape* shape = nullptr;
+    std::shared_ptr<const Mesh> mesh;
+    std::shared_ptr<const PosedVertices> posed;  // null: the mesh's own
+    std::shared_ptr<const ShadowShape> shape;
     Eigen::Affine3d T_scene_object = Eigen::Affine3d::Identity();
     Eigen::Vector3f center = Eigen::Vector3f::Zero();
     float radius_m = 0;
-    std::size_t first_surfel = 0, surfels = 0;
+    SurfelTable::Range surfels;
   };
   struct Point {
     Eigen::Vector3f position, normal;
@@ -107,6 +110,7 @@ class LightMapper {
   };
 
   void PlaceLamps(const LightMapInput& in);
+  std::shared_ptr<const ShadowShape> ShapeOf(const SceneObject& object);
   // Also says where objects have been and are that moved: moved_; nothing where others are there now.
   void PlaceObjects(const Scene& scene);
   void Touch(const cv::Rect& tile, cv::Mat1b& touched) const;
@@ -119,11 +123,15 @@ class LightMapper {
   void KeepTile(const Spots& before, Tile tile);
   void LightActor(const LightMapInput& in);
   void LightCg(const LightMapInput& in);
-  static void Fill(const Spot& spot, const cv::Vec3f& factor, cv::Mat3f& factors);
-  void Close(Tile tile, Spots& to, cv::Mat3f& factors) const;
+  // What lies between spots: lit on the room, of which spots are what is not; an edge's neighbours on CG.
+  enum class Beside { kLit, kUnknown };
+  // factor: of each of the tile's spots.
+  static void Fill(const Tile& tile, const Spots& of, const std::vector<cv::Vec3f>& factor, Beside beside,
+                   cv::Mat3f& factors);
+  void Close(Tile tile, Spots& to, Beside beside, cv::Mat3f& factors);
   [[nodiscard]] cv::Vec3f FactorOf(const Spots& of, std::size_t spot, const float* actor_lit) const;
   // What the actor changes; false: nothing, now and in the frame before.
-  bool Shade(Spots& spots, cv::Mat3f& factors);
+  bool Shade(Spots& spots, Beside beside, cv::Mat3f& factors);
   // Whether a sphere of points may lie in some shadow; fills shaded_ and hiding_.
   bool MayBeShaded(const Eigen::Vector3f& center, float radius_m);
   // By the objects that hiding_ names.
@@ -141,10 +149,9 @@ class LightMapper {
   cv::Mat2f rays_;  // [Half(h) x Half(w)] of the full picture's even pixels
   ShadowShape room_shape_;
   ShadowRasteriser rasteriser_;
-  std::map<std::shared_ptr<const Mesh>, std::unique_ptr<ShadowShape>> shapes_;
-  std::vector<std::shared_ptr<const Mesh>> placed_meshes_;
+  std::map<std::shared_ptr<const Mesh>, std::shared_ptr<const ShadowShape>> shapes_;  // of objects_
   std::vector<Object> objects_;
-  std::vector<Surfel> surfels_;  // of all objects, scene frame
+  SurfelTable surfels_;  // of all objects, scene frame
   std::vector<Lamp> lamps_;
   Illumination light_;
   std::uint64_t lamps_revision_ = 0, objects_revision_ = 0, room_maps_revision_ = 0;
@@ -169,6 +176,7 @@ class LightMapper {
   Lamps shaded_;
   std::vector<std::uint8_t> hiding_;  // one an object: 0 = too far away to hide ambient light
   std::vector<float> share_;
+  std::vector<cv::Vec3f> factor_;
 };
 
 }  // namespace mixstage

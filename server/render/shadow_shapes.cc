@@ -17,32 +17,47 @@ constexpr float kReducedError = 0.02f;  // of the model's size
 constexpr int kSurfelCells = 4;         // along the longest side
 constexpr float kActorStep_m = 0.25f;   // of two neighbours so far apart in depth one hides the other
 
-void AddSurfels(ShadowShape& shape) {
+std::array<Eigen::Vector3f, 3> Corners(const ShadowShape& shape, std::size_t first) {
+  return {shape.positions[shape.indices[first]], shape.positions[shape.indices[first + 1]],
+          shape.positions[shape.indices[first + 2]]};
+}
+
+// Triangles of one cell that face about the same way are one.
+void GroupSurfels(ShadowShape& shape) {
   Eigen::AlignedBox3f box;
   for (const Eigen::Vector3f& p : shape.positions) box.extend(p);
   const float cell = std::max(1e-6f, box.sizes().maxCoeff() / kSurfelCells);
-  struct Sum {
-    Eigen::Vector3f center = Eigen::Vector3f::Zero(), facing = Eigen::Vector3f::Zero();
-    float area = 0;
-  };
-  std::map<std::array<int, 4>, Sum> sums;
+  std::map<std::array<int, 4>, std::uint32_t> numbers;
   for (std::size_t i = 0; i < shape.indices.size(); i += 3) {
-    const Eigen::Vector3f& a = shape.positions[shape.indices[i]];
-    const Eigen::Vector3f& b = shape.positions[shape.indices[i + 1]];
-    const Eigen::Vector3f& c = shape.positions[shape.indices[i + 2]];
-    const Eigen::Vector3f facing = 0.5f * (b - a).cross(c - a);
-    const float area = facing.norm();
-    if (!(area > 0)) continue;
+    const auto [a, b, c] = Corners(shape, i);
+    const Eigen::Vector3f facing = (b - a).cross(c - a);
     Eigen::Index axis = 0;
     facing.cwiseAbs().maxCoeff(&axis);
     const Eigen::Vector3f at = ((a + b + c) / 3 - box.min()) / cell;
-    Sum& sum = sums[{static_cast<int>(at.x()), static_cast<int>(at.y()), static_cast<int>(at.z()),
-                     2 * static_cast<int>(axis) + (facing[axis] < 0 ? 1 : 0)}];
-    sum.center += area * (a + b + c) / 3;
-    sum.facing += facing;
-    sum.area += area;
+    const std::array<int, 4> place = {static_cast<int>(at.x()), static_cast<int>(at.y()),
+                                      static_cast<int>(at.z()),
+                                      2 * static_cast<int>(axis) + (facing[axis] < 0 ? 1 : 0)};
+    const auto next = static_cast<std::uint32_t>(numbers.size());
+    shape.surfel_of.push_back(numbers.try_emplace(place, next).first->second);
   }
-  for (const auto& [cell_of, sum] : sums) shape.surfels.push_back({sum.center / sum.area, sum.facing});
+  shape.surfels.resize(numbers.size());
+}
+
+void MeasureSurfels(ShadowShape& shape) {
+  std::ranges::fill(shape.surfels, Surfel{});
+  std::vector<float> areas(shape.surfels.size());
+  for (std::size_t i = 0; i < shape.indices.size(); i += 3) {
+    const auto [a, b, c] = Corners(shape, i);
+    const Eigen::Vector3f facing = 0.5f * (b - a).cross(c - a);
+    const float area = facing.norm();
+    const std::uint32_t number = shape.surfel_of[i / 3];
+    shape.surfels[number].center += area * (a + b + c) / 3;
+    shape.surfels[number].facing += facing;
+    areas[number] += area;
+  }
+  for (std::size_t k = 0; k < areas.size(); ++k) {
+    if (areas[k] > 0) shape.surfels[k].center /= areas[k];
+  }
 }
 
 }  // namespace
@@ -57,20 +72,23 @@ void ShadowShape::FindSphere() {
 }
 
 ShadowShape Reduced(std::span<const Eigen::Vector3f> positions, std::span<const std::uint32_t> indices,
-                    std::size_t most_triangles) {
+                    std::size_t most_triangles, std::span<const VertexBones> bones) {
   ShadowShape shape;
   if (positions.empty() || indices.empty()) return shape;
   // Corners in one place are one: seams of texture and normals would tear.
+  const std::array<meshopt_Stream, 2> streams = {
+      meshopt_Stream{positions.data(), sizeof(Eigen::Vector3f), sizeof(Eigen::Vector3f)},
+      {bones.data(), sizeof(VertexBones), sizeof(VertexBones)}};
   std::vector<std::uint32_t> same(positions.size());
-  const std::size_t unique = meshopt_generateVertexRemap(
-      same.data(), nullptr, positions.size(), positions.data(), positions.size(), sizeof(Eigen::Vector3f));
-  shape.positions.resize(unique);
-  meshopt_remapVertexBuffer(shape.positions.data(), positions.data(), positions.size(),
-                            sizeof(Eigen::Vector3f), same.data());
+  const std::size_t unique = meshopt_generateVertexRemapMulti(
+      same.data(), indices.data(), indices.size(), positions.size(), streams.data(), bones.empty() ? 1 : 2);
+  std::vector<Eigen::Vector3f> corners(unique);
+  meshopt_remapVertexBuffer(corners.data(), positions.data(), positions.size(), sizeof(Eigen::Vector3f),
+                            same.data());
   std::vector<std::uint32_t> all(indices.size());
   for (std::size_t i = 0; i < indices.size(); ++i) all[i] = same[indices[i]];
   shape.indices = all;
-  const float* first = shape.positions[0].data();
+  const float* first = corners[0].data();
   if (all.size() > 3 * most_triangles) {
     shape.indices.resize(meshopt_simplify(shape.indices.data(), all.data(), all.size(), first, unique,
                                           sizeof(Eigen::Vector3f), 3 * most_triangles, kReducedError));
@@ -81,18 +99,33 @@ ShadowShape Reduced(std::span<const Eigen::Vector3f> positions, std::span<const 
                                                   1e-1f));
     }
   }
-  const std::size_t left =
-      meshopt_optimizeVertexFetch(shape.positions.data(), shape.indices.data(), shape.indices.size(),
-                                  shape.positions.data(), unique, sizeof(Eigen::Vector3f));
-  shape.positions.resize(left);
+  std::vector<std::uint32_t> kept(unique);
+  shape.sources.resize(
+      meshopt_optimizeVertexFetchRemap(kept.data(), shape.indices.data(), shape.indices.size(), unique));
+  for (std::uint32_t& index : shape.indices) index = kept[index];
+  for (std::uint32_t i = 0; i < same.size(); ++i) {
+    if (same[i] != ~0u && kept[same[i]] != ~0u) shape.sources[kept[same[i]]] = i;
+  }
+  for (const std::uint32_t source : shape.sources) shape.positions.push_back(positions[source]);
   shape.FindSphere();
   return shape;
 }
 
 ShadowShape ShadowShapeOf(const Mesh& mesh) {
-  ShadowShape shape = Reduced(mesh.positions, mesh.indices, kMostTriangles);
-  AddSurfels(shape);
+  std::span<const VertexBones> bones;
+  if (mesh.motion != nullptr) bones = mesh.motion->vertices;
+  ShadowShape shape = Reduced(mesh.positions, mesh.indices, kMostTriangles, bones);
+  GroupSurfels(shape);
+  MeasureSurfels(shape);
   return shape;
+}
+
+ShadowShape Posed(const ShadowShape& shape, std::span<const Eigen::Vector3f> vertices) {
+  ShadowShape posed = shape;
+  for (std::size_t k = 0; k < posed.sources.size(); ++k) posed.positions[k] = vertices[posed.sources[k]];
+  posed.FindSphere();
+  MeasureSurfels(posed);
+  return posed;
 }
 
 const ShadowShape& ActorShape::Run(const cv::Mat2f& half_rays, const cv::Mat1f& depth_m,

@@ -12,6 +12,7 @@
 #include "proto/geometry/frames.h"
 #include "server/render/shadow_map.h"
 #include "server/scene/mesh.h"
+#include "server/scene/mesh_motion.h"
 
 namespace mixstage {
 
@@ -24,18 +25,24 @@ struct Surfel {
 struct ShadowShape {
   std::vector<Eigen::Vector3f> positions;
   std::vector<std::uint32_t> indices;
+  std::vector<std::uint32_t> sources;  // of a model: the vertex that each position is
   std::vector<Surfel> surfels;
+  std::vector<std::uint32_t> surfel_of;              // each triangle, where there are surfels
   Eigen::Vector3f center = Eigen::Vector3f::Zero();  // of a sphere around it
   float radius_m = 0;
 
   void FindSphere();
 };
 
-// About as many triangles at most; masked materials (leaves) count as if they were whole.
+// About as many triangles at most; masked materials (leaves) count as if they were whole. bones: of every
+// position where they move, so that corners stay apart that may part; else empty.
 [[nodiscard]] ShadowShape Reduced(std::span<const Eigen::Vector3f> positions,
-                                  std::span<const std::uint32_t> indices, std::size_t most_triangles);
+                                  std::span<const std::uint32_t> indices, std::size_t most_triangles,
+                                  std::span<const VertexBones> bones = {});
 // With surfels.
 [[nodiscard]] ShadowShape ShadowShapeOf(const Mesh& mesh);
+// The same mesh's shape with its vertices there.
+[[nodiscard]] ShadowShape Posed(const ShadowShape& shape, std::span<const Eigen::Vector3f> vertices);
 
 // The actor in the scene: his depth surface and, as no camera sees it, a back behind it, so far behind as the
 // middle of his limbs is from their outline, kActorThickness_m at the most (algorithms 9).

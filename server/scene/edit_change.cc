@@ -199,6 +199,16 @@ struct Change {
     return {};
   }
 
+  Status operator()(const AnimateObject& animate) const {
+    const auto found = Find(animate.object);
+    if (!found) return tl::unexpected(found.error());
+    SceneObject& object = **found;
+    const auto clip = object.mesh->motion ? FindClip(*object.mesh->motion, animate.animation) : std::nullopt;
+    if (!clip) return Refuse(object.name + " has no animation \"" + animate.animation + "\".");
+    object.clip = *clip;
+    return {};
+  }
+
   Status operator()(const ChangeLight& change) const {
     if (scene.lights.empty() &&
         std::ranges::count(context.default_light.lights, change.light, &Light::id) > 0) {

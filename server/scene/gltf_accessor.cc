@@ -159,6 +159,8 @@ Result<GltfNumbers> ReadGltfNumbers(const tinygltf::Model& model, int index,
   numbers.components = accessor.type == TINYGLTF_TYPE_SCALAR ? 1
                        : accessor.type >= TINYGLTF_TYPE_VEC2 && accessor.type <= TINYGLTF_TYPE_VEC4
                            ? accessor.type
+                       : accessor.type == TINYGLTF_TYPE_MAT4 && ComponentBytes(accessor.componentType) == 4
+                           ? 16  // of four-byte numbers its columns lie side by side
                            : 0;
   if (std::find(allowed.begin(), allowed.end(), numbers.components) == allowed.end()) {
     return Bad(place + ".type does not fit its use");

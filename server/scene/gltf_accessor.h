@@ -17,8 +17,8 @@ namespace mixstage {
 Result<std::span<const std::uint8_t>> GltfViewBytes(const tinygltf::Model& model, int buffer_view);
 
 // count x components numbers of an accessor; integers that are marked normalised become 0..1 or -1..1, others
-// their value. components: what the caller can take ({3} for positions, {3, 4} for colours); the accessor's
-// own number is returned beside the values. Sparse accessors are filled in.
+// their value. components: what the caller can take ({3} for positions, {3, 4} for colours, {16} for
+// matrices); the accessor's own number is returned beside the values. Sparse accessors are filled in.
 struct GltfNumbers {
   std::vector<float> values;
   int components = 0;

@@ -6,9 +6,12 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <cstdint>
+#include <memory>
 #include <opencv2/core.hpp>
 #include <string>
 #include <vector>
+
+#include "server/scene/mesh_motion.h"
 
 namespace mixstage {
 
@@ -45,9 +48,10 @@ struct MeshPart {
   int material = 0;               // into Mesh::materials, always valid
 };
 
-// In the file's own coordinates after its node transforms; right-handed, counter-clockwise = seen from
-// outside. Held by every Mesh that an importer returns: all numbers finite, every index < positions.size(),
-// normals of length 1 for every vertex, uvs and colors either empty or one a vertex, at least one triangle.
+// In the file's own coordinates after its node transforms, as its first animation begins; right-handed,
+// counter-clockwise = seen from outside. Held by every Mesh that an importer returns: all numbers finite,
+// every index < positions.size(), normals of length 1 for every vertex, uvs and colors either empty or one a
+// vertex, at least one triangle.
 struct Mesh {
   std::vector<Eigen::Vector3f> positions;
   std::vector<Eigen::Vector3f> normals;
@@ -57,6 +61,7 @@ struct Mesh {
   std::vector<MeshPart> parts;
   std::vector<Material> materials;
   std::vector<Texture> textures;
+  std::shared_ptr<const MeshMotion> motion;  // null: it is as it is
 
   [[nodiscard]] std::size_t triangle_count() const { return indices.size() / 3; }
   [[nodiscard]] Eigen::AlignedBox3f Bounds() const;

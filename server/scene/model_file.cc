@@ -100,6 +100,10 @@ Status CheckMesh(const Mesh& mesh) {
   for (const Eigen::Vector3f& color : mesh.colors) {
     if (!color.allFinite()) return bad("has a vertex colour that is not a number");
   }
+  if (mesh.motion != nullptr) {
+    if (mesh.motion->clips.empty()) return bad("moves without an animation");
+    if (auto ok = CheckMotion(*mesh.motion, n); !ok) return ok;
+  }
   std::size_t covered = 0;
   for (const MeshPart& part : mesh.parts) {
     if (part.material < 0 || static_cast<std::size_t>(part.material) >= mesh.materials.size()) {

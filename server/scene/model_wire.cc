@@ -23,6 +23,13 @@ struct MaterialNumbers {
   std::uint32_t double_sided = 0, alpha_mask = 0;
 };
 
+// Of a track, before its lists.
+struct TrackNumbers {
+  std::int32_t node = 0;
+  MotionPath path = MotionPath::kTranslation;
+  MotionStep step = MotionStep::kLinear;
+};
+
 class Writer {
  public:
   explicit Writer(const WriteBytes& write) : write_(write) {}
@@ -77,6 +84,26 @@ class Reader {
   bool ok_ = true;
 };
 
+void WriteMotion(const MeshMotion& motion, Writer& out) {
+  out.List(motion.nodes);
+  out.List(motion.bones);
+  out.List(motion.vertices);
+  out.List(motion.bind_positions);
+  out.List(motion.bind_normals);
+  out.U32(motion.clips.size());
+  for (const MotionClip& clip : motion.clips) {
+    out.Text(clip.name);
+    out.Bytes(&clip.duration_s, sizeof clip.duration_s);
+    out.U32(clip.tracks.size());
+    for (const MotionTrack& track : clip.tracks) {
+      const TrackNumbers numbers{track.node, track.path, track.step};
+      out.Bytes(&numbers, sizeof numbers);
+      out.List(track.times_s);
+      out.List(track.values);
+    }
+  }
+}
+
 void WriteMesh(const Mesh& mesh, Writer& out) {
   out.List(mesh.positions);
   out.List(mesh.normals);
@@ -102,6 +129,8 @@ void WriteMesh(const Mesh& mesh, Writer& out) {
                                   m.alpha_mask};
     out.Bytes(&numbers, sizeof numbers);
   }
+  out.U32(mesh.motion != nullptr ? 1 : 0);
+  if (mesh.motion != nullptr) WriteMotion(*mesh.motion, out);
   out.U32(mesh.textures.size());
   for (const Texture& texture : mesh.textures) {
     out.U32(static_cast<std::size_t>(texture.wrap_u));
@@ -149,6 +178,37 @@ void ReadTexture(Reader& in, std::size_t& remaining_pixels, Texture& texture) {
   in.Bytes(texture.rgba.ptr(), pixels * 4);
 }
 
+// What it says is checked with the mesh (CheckMotion); its counts here.
+std::shared_ptr<const MeshMotion> ReadMotion(Reader& in) {
+  auto motion = std::make_shared<MeshMotion>();
+  in.List(motion->nodes, MeshMotion::kMostNodes);
+  in.List(motion->bones, MeshMotion::kMostBones);
+  in.List(motion->vertices, ModelLimits::kVertices);
+  in.List(motion->bind_positions, ModelLimits::kVertices);
+  in.List(motion->bind_normals, ModelLimits::kVertices);
+  motion->clips.resize(in.U32(MeshMotion::kMostClips));
+  std::size_t tracks_left = MeshMotion::kMostTracks, numbers_left = MeshMotion::kMostNumbers;
+  for (MotionClip& clip : motion->clips) {
+    clip.name = in.Text();
+    in.Bytes(&clip.duration_s, sizeof clip.duration_s);
+    clip.tracks.resize(in.U32(tracks_left));
+    tracks_left -= clip.tracks.size();
+    for (MotionTrack& track : clip.tracks) {
+      if (!in.ok()) return motion;
+      TrackNumbers numbers;
+      in.Bytes(&numbers, sizeof numbers);
+      track.node = numbers.node;
+      track.path = numbers.path;
+      track.step = numbers.step;
+      in.List(track.times_s, numbers_left);
+      numbers_left -= track.times_s.size();
+      in.List(track.values, numbers_left);
+      numbers_left -= track.values.size();
+    }
+  }
+  return motion;
+}
+
 void ReadMesh(Reader& in, Mesh& mesh) {
   in.List(mesh.positions, ModelLimits::kVertices);
   in.List(mesh.normals, ModelLimits::kVertices);
@@ -166,6 +226,8 @@ void ReadMesh(Reader& in, Mesh& mesh) {
     if (!in.ok()) return;
     ReadMaterial(in, material);
   }
+  if (in.U32(1) != 0) mesh.motion = ReadMotion(in);
+  if (!in.ok()) return;
   mesh.textures.resize(in.U32(ModelLimits::kParts));
   std::size_t remaining_pixels = ModelLimits::kTexturePixels;
   for (Texture& texture : mesh.textures) {
@@ -174,7 +236,8 @@ void ReadMesh(Reader& in, Mesh& mesh) {
   }
 }
 
-static_assert(std::is_trivially_copyable_v<MaterialNumbers>);
+static_assert(std::is_trivially_copyable_v<MaterialNumbers> && std::is_trivially_copyable_v<MotionNode> &&
+              std::is_trivially_copyable_v<MotionBone> && std::is_trivially_copyable_v<VertexBones>);
 static_assert(sizeof(Eigen::Vector3f) == 12 && sizeof(Eigen::Vector2f) == 8,
               "lists of them are plain floats");
 

@@ -14,6 +14,7 @@
 
 #include "server/scene/avatar.h"
 #include "server/scene/mesh.h"
+#include "server/scene/mesh_motion.h"
 #include "server/scene/placing.h"
 #include "server/segmentation/left_behind.h"
 
@@ -36,6 +37,8 @@ struct SceneObject {
   std::string name;                  // unique in its scene
   std::string file;                  // as the scene file names it
   std::shared_ptr<const Mesh> mesh;  // immutable; objects of one file share it
+  int clip = 0;  // of mesh->motion, played again and again; -1: it stands as the first begins
+  std::shared_ptr<const PosedVertices> posed{};  // instead of the mesh's own vertices; null: those
   Eigen::Affine3d T_scene_object = Eigen::Affine3d::Identity();  // file coordinates to the scene's frame
   // How T_scene_object was written, where it was written so: T_scene_object is exactly that.
   std::optional<Placing> placing;
@@ -47,6 +50,14 @@ struct SceneObject {
   double mass_kg = 1.0;      // > 0
   double friction = 0.5;     // 0..2, against the room
   double restitution = 0.1;  // 0..1: speed after a bounce from the room over speed before
+
+  // Where its vertices are now.
+  [[nodiscard]] const std::vector<Eigen::Vector3f>& positions() const {
+    return posed ? posed->positions : mesh->positions;
+  }
+  [[nodiscard]] const std::vector<Eigen::Vector3f>& normals() const {
+    return posed ? posed->normals : mesh->normals;
+  }
 };
 
 // An object that physics has moved.
@@ -113,11 +124,15 @@ struct PutBack {
   std::string object;  // to where the scene has it, at rest
   bool operator==(const PutBack&) const = default;
 };
+struct PlayAnimation {
+  std::string object, clip;  // once; see Animations
+  bool operator==(const PlayAnimation&) const = default;
+};
 struct Reaction {
   std::string object, meets;  // as events name them (PhysicsEvent::name, with)
   double least_impulse_ns = 0;
   double after_s = 0;
-  std::variant<SendMessage, DimLight, PutBack> action;
+  std::variant<SendMessage, DimLight, PutBack, PlayAnimation> action;
   bool operator==(const Reaction&) const = default;
 };
 

@@ -180,6 +180,10 @@ WatchScene SceneEditor::Message() {
     out.base = ToArray(stand.base);
     out.radius_m = stand.radius_m;
     out.hidden = object.hidden;
+    if (const auto& motion = object.mesh->motion) {
+      for (const MotionClip& clip : motion->clips) out.animations.push_back(clip.name);
+      out.animation = ClipName(*motion, object.clip);
+    }
     message.objects.push_back(std::move(out));
   }
   message.adopted = scene.adopted.size();

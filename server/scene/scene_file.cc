@@ -1,9 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/scene/scene_file.h"
 
+#include <algorithm>
 #include <map>
 
 namespace mixstage {
+namespace {
+
+// -1: none. A sentence's end where the file has no such animation.
+Result<int> ClipOf(const Mesh& mesh, const std::string& name) {
+  std::string names;
+  if (mesh.motion != nullptr) {
+    if (const auto clip = FindClip(*mesh.motion, name)) return *clip;
+    for (const MotionClip& clip : mesh.motion->clips) names += (names.empty() ? "" : ", ") + clip.name;
+  } else if (name == kNoClip) {
+    return 0;
+  }
+  return Fail(ErrorCode::kInvalidConfig,
+              "\"" + name + "\" is no animation of its file, which has " + (names.empty() ? "none" : names));
+}
+
+}  // namespace
 
 Eigen::Vector3d UpOf(SceneFrame frame) {
   return frame == SceneFrame::kWorld ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d(-Eigen::Vector3d::UnitY());
@@ -55,10 +72,18 @@ Result<LoadedScene> LoadScene(const std::filesystem::path& file, const ModelLoad
     placed.name = std::move(object.name);
     placed.file = std::move(object.file);
     placed.mesh = found->second.mesh;
-    placed.id = static_cast<std::uint32_t>(loaded.scene.objects.size() + 1);
     placed.usual_up = found->second.up;
     if (!object.pose) placed.placing = object.placing;
     placed.T_scene_object = object.pose ? *object.pose : TSceneObject(object.placing, found->second.up);
+    if (object.animation) {
+      const auto clip = ClipOf(*placed.mesh, *object.animation);
+      if (!clip) {
+        return Within(
+            file.string() + ":" + std::to_string(object.line) + ": object " + placed.name + ": animation",
+            clip.error());
+      }
+      placed.clip = *clip;
+    }
     placed.hidden = object.hidden;
     placed.body = object.body;
     placed.put = 1;
@@ -67,6 +92,13 @@ Result<LoadedScene> LoadScene(const std::filesystem::path& file, const ModelLoad
     placed.friction = object.friction;
     placed.restitution = object.restitution;
     loaded.scene.objects.push_back(std::move(placed));
+  }
+  for (const Reaction& reaction : loaded.scene.reactions) {
+    const auto* play = std::get_if<PlayAnimation>(&reaction.action);
+    if (play == nullptr) continue;
+    const auto object = std::ranges::find(loaded.scene.objects, play->object, &SceneObject::name);
+    if (auto clip = ClipOf(*object->mesh, play->clip); !clip)
+      return Within(file.string() + ": reaction of " + reaction.object + ": play", clip.error());
   }
   return loaded;
 }

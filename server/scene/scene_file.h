@@ -39,6 +39,7 @@ struct SceneDescription {
     Body body = Body::kMutual;
     bool drop = false;
     bool hidden = false;
+    std::optional<std::string> animation;  // by name; nothing: the file's first
     double mass_kg = 1.0, friction = 0.5, restitution = 0.1;
   };
   SceneFrame frame = SceneFrame::kWorld;

@@ -65,8 +65,10 @@ Status ReadObject(YamlFields& f, std::size_t number, SceneDescription& scene) {
   object.line = f.line();
   object.name = "object " + std::to_string(number + 1);
   std::size_t body = 1;
+  std::string animation;
   if (auto ok = All({f.Text("name", object.name), f.Text("file", object.file), f.Flag("drop", object.drop),
-                     f.Flag("hidden", object.hidden), f.Choice("body", {"isolated", "mutual", "actor"}, body),
+                     f.Flag("hidden", object.hidden), f.Text("animation", animation),
+                     f.Choice("body", {"isolated", "mutual", "actor"}, body),
                      f.NumberIn("mass_kg", 0.001, 10'000, object.mass_kg),
                      f.NumberIn("friction", 0, 2, object.friction),
                      f.NumberIn("restitution", 0, 1, object.restitution), ReadPlacing(f, object),
@@ -76,6 +78,7 @@ Status ReadObject(YamlFields& f, std::size_t number, SceneDescription& scene) {
   }
   if (object.file.empty()) return f.Bad("file", "is missing");
   object.body = static_cast<Body>(body + 1);
+  if (f.Has("animation")) object.animation = animation;
   for (const auto& other : scene.objects) {
     if (other.name == object.name) return f.Bad("name", "is the name of another object: " + object.name);
   }
@@ -293,12 +296,13 @@ Status ReadReaction(YamlFields& f, std::size_t, SceneDescription& scene) {
   SendMessage message;
   DimLight dim;
   PutBack back;
+  PlayAnimation play;
   double intensity = 0;
   if (auto ok = All({f.Text("object", reaction.object), f.Text("meets", reaction.meets),
                      f.NumberIn("least_impulse_ns", 0, 1e6, reaction.least_impulse_ns),
                      f.NumberIn("after_s", 0, 3600, reaction.after_s), f.Text("message", message.text),
                      f.Text("light", dim.light), f.NumberIn("intensity", 0, 1e6, intensity),
-                     f.Text("put_back", back.object)});
+                     f.Text("put_back", back.object), f.Text("play", play.clip), f.Text("of", play.object)});
       !ok)
     return ok;
   dim.intensity = static_cast<float>(intensity);
@@ -309,14 +313,19 @@ Status ReadReaction(YamlFields& f, std::size_t, SceneDescription& scene) {
     if (!f.Has(key)) return f.Bad(key, "is missing: a reaction needs object and meets");
   }
   if (!names(scene.objects, reaction.object)) return f.Bad("object", "names no object: " + reaction.object);
-  if (f.Has("message") + f.Has("light") + f.Has("put_back") != 1)
-    return f.Bad("object", "reacts by message, light or put_back, one of them");
+  if (f.Has("message") + f.Has("light") + f.Has("put_back") + f.Has("play") != 1)
+    return f.Bad("object", "reacts by message, light, put_back or play, one of them");
+  if (f.Has("of") && !f.Has("play")) return f.Bad("of", "belongs to play");
   if (f.Has("light") != f.Has("intensity")) return f.Bad("light", "and intensity belong together");
   if (f.Has("message")) {
     reaction.action = message;
   } else if (f.Has("light")) {
     if (!names(scene.lights, dim.light)) return f.Bad("light", "names no light of the scene: " + dim.light);
     reaction.action = dim;
+  } else if (f.Has("play")) {
+    if (play.object.empty()) play.object = reaction.object;
+    if (!names(scene.objects, play.object)) return f.Bad("of", "names no object: " + play.object);
+    reaction.action = play;
   } else {
     if (!names(scene.objects, back.object)) return f.Bad("put_back", "names no object: " + back.object);
     reaction.action = back;

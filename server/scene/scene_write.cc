@@ -80,6 +80,8 @@ std::string ObjectYaml(const SceneObject& object) {
   }
   if (object.drop) text += "    drop: true\n";
   if (object.hidden) text += "    hidden: true\n";
+  if (object.clip != 0)
+    text += "    animation: " + Quoted(ClipName(*object.mesh->motion, object.clip)) + "\n";
   constexpr const char* kBodies[] = {"isolated", "mutual", "actor"};
   text += std::string("    body: ") + kBodies[static_cast<int>(object.body) - 1] + "\n";
   return text + "    mass_kg: " + Number(object.mass_kg) + "\n    friction: " + Number(object.friction) +
@@ -122,6 +124,8 @@ std::string ReactionYaml(const Reaction& reaction) {
     text += ", message: " + Quoted(message->text);
   } else if (const auto* dim = std::get_if<DimLight>(&reaction.action)) {
     text += ", light: " + Quoted(dim->light) + ", intensity: " + Number(dim->intensity);
+  } else if (const auto* play = std::get_if<PlayAnimation>(&reaction.action)) {
+    text += ", play: " + Quoted(play->clip) + ", of: " + Quoted(play->object);
   } else {
     text += ", put_back: " + Quoted(std::get<PutBack>(reaction.action).object);
   }

@@ -160,6 +160,30 @@ export const kSceneChecks = {
     await director.until('its mesh', () => JSON.parse(document.documentElement.dataset.room).triangles > 0);
     await director.shoot('added');
   },
+  'an animated model plays what it is told': async ({ director }) => {
+    const { objects, models } = await scene(director);
+    if (!models.includes('pinwheel.glb')) return 'no animated model here';
+    await director.find('add').click();
+    await director.find('add-menu').locator('button', { hasText: 'pinwheel' }).click();
+    await director.page.mouse.click(...(await at(director, 'program-canvas', 0.4, 0.85)));
+    const is = (now) => now.objects.find(({ id }) => !objects.some((known) => known.id === id));
+    const added = is(await untilScene(director, 'a pinwheel', (now) => is(now) !== undefined));
+    assert.equal(added.animation, 'turn');
+    await director.find(`animation-${added.id}`).selectOption('none');
+    await untilScene(director, 'it to stand', (now) => is(now).animation === 'none');
+    await director.find(`object-${added.id}`).click();
+    const ring = await ringMiddle(director);
+    const sails = around([ring[0], ring[1] - 0.27], 0.12);
+    await director.page.waitForTimeout(700);
+    await director.shoot('pinwheel');
+    const still = await director.colorOf('program-canvas', sails);
+    await director.find(`animation-${added.id}`).selectOption('gust');
+    await untilScene(director, 'a gust', (now) => is(now).animation === 'gust');
+    await untilColor(director, sails, still, 'sails that turn');
+    await director.find(`object-${added.id}`).click();
+    await director.page.keyboard.press('Delete');
+    await untilScene(director, 'it gone', (now) => is(now) === undefined);
+  },
   'an object is hidden, shown, deleted and brought back': async ({ director }) => {
     const last = (await scene(director)).objects.at(-1);
     await director.find(`hide-${last.id}`).click();
@@ -297,6 +321,16 @@ export const kSceneChecks = {
     await director.page.waitForTimeout(500);
     await director.shoot('follow');
     await director.page.keyboard.press('f');
+  },
+  'the light map shows the shadows of virtual objects': async ({ director }) => {
+    await director.page.keyboard.press('k');
+    await director.until('the light stream', () => document.documentElement.dataset.streams.includes('light'));
+    await director.page.waitForTimeout(500);
+    const all = await director.colorOf('matte-canvas', [0, 0, 1, 1]);
+    assert.ok(Math.min(...all) > 150, `it is white but for shadows: ${all}`);
+    await director.shoot('light_map');
+    await director.page.keyboard.press('m');
+    await director.until('no light', () => !document.documentElement.dataset.streams.includes('light'));
   },
   'a hidden 3D view gets no meshes and draws nothing': async ({ director }) => {
     await director.page.keyboard.press('4');

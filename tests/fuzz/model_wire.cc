@@ -5,6 +5,7 @@
 #include <span>
 
 #include "proto/base/check.h"
+#include "tests/fuzz/mesh_poses.h"
 
 // What an importer that a hostile file has taken over may say: a good mesh, or an error.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -16,6 +17,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     left = left.subspan(count);
     return true;
   });
-  if (model) MIX_CHECK(CheckMesh(model->mesh).has_value());
+  if (!model) return 0;
+  MIX_CHECK(CheckMesh(model->mesh).has_value());
+  CheckPoses(model->mesh);
   return 0;
 }

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "tests/server/physics/test_bodies.h"
+#include "tests/server/scene/test_motion.h"
 
 namespace mixstage {
 namespace {
@@ -16,6 +17,7 @@ constexpr std::int64_t kFrameUs = 33'333;
 struct Show {
   Physics physics{SceneFrame::kWorld};
   Reactions reactions;
+  Animations animations;
   Scene scene, posed;
   std::int64_t t_us = 1'000'000;
   std::vector<PhysicsEvent> messages{};
@@ -39,7 +41,7 @@ struct Show {
       physics.StepTo(t_us);
       physics.WritePoses(posed);
       std::vector<PhysicsEvent> events = physics.TakeEvents();
-      lights_changed += reactions.Step(t_us, events, physics, posed) ? 1 : 0;
+      lights_changed += reactions.Step(t_us, events, {physics, animations, posed}) ? 1 : 0;
       for (PhysicsEvent& event : events) {
         if (event.kind == PhysicsEventKind::kMessage) messages.push_back(std::move(event));
       }
@@ -98,6 +100,21 @@ TEST(Reactions, ALightStaysAsSetUntilAPersonChangesIt) {
   show.scene.lights[0].intensity = 3;
   show.Set();
   EXPECT_EQ(show.posed.lights[0].intensity, 3);
+}
+
+TEST(Reactions, AnAnimationPlaysWhenTheyMeet) {
+  Show show({OnTheFloor(PlayAnimation{"thing", "rise"})});
+  show.scene.objects[0].mesh = test::Moving(*show.scene.objects[0].mesh);
+  show.scene.objects[0].clip = -1;
+  show.Set();
+  show.Run(0.4);
+  show.animations.Pose(show.t_us, show.posed);
+  EXPECT_EQ(show.posed.objects[0].posed, nullptr);
+  show.Run(3);
+  show.animations.Pose(show.t_us, show.posed);
+  ASSERT_NE(show.posed.objects[0].posed, nullptr);
+  EXPECT_EQ(show.posed.objects[0].posed->positions[0],
+            show.scene.objects[0].mesh->positions[0] + Eigen::Vector3f::UnitZ());
 }
 
 TEST(Reactions, WhatIsDueGoesOnThroughEditsAndEndsWithItsReaction) {

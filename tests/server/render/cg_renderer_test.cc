@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "tests/server/render/test_scenes.h"
+#include "tests/server/scene/test_motion.h"
 #include "tests/support/egl_or_skip.h"
 
 namespace mixstage {
@@ -272,6 +273,21 @@ TEST_P(CgRendererTest, LayerRestsWhileNothingChanges) {
   Illumination dimmed = EvenLight();
   dimmed.ambient = EvenAmbient(0.5f);
   EXPECT_NE(stage.Draw(scene, dimmed).drawing, moved);
+}
+
+TEST_P(CgRendererTest, AnAnimatedObjectIsDrawnWhereItHasGone) {
+  Stage stage(DistortedCamera());
+  Scene scene = CameraScene({Placed(TwoColours(), At(-1, 0, 4))});
+  SceneObject& object = scene.objects[0];
+  object.mesh = test::Moving(*object.mesh);
+  stage.Draw(scene);
+  object.posed = std::make_shared<const PosedVertices>(PoseMesh(*object.mesh->motion, 0, 0.5f));  // 1 m
+  const CgLayer& moved = stage.Draw(scene);
+  Stage other(DistortedCamera());
+  const CgLayer& there = other.Draw(CameraScene({Placed(TwoColours(), At(0, 0, 4))}));
+  ASSERT_EQ(moved.bounds, there.bounds);
+  EXPECT_LT(cv::norm(moved.color, there.color, cv::NORM_INF), 1e-3);
+  EXPECT_LT(cv::norm(moved.depth_m, there.depth_m, cv::NORM_INF), 1e-4);
 }
 
 TEST_P(CgRendererTest, SmallerRedrawLeavesNothingOfTheLarger) {

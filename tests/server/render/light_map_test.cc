@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/server/render/test_scenes.h"
+#include "tests/server/scene/test_motion.h"
 
 namespace mixstage {
 namespace {
@@ -170,6 +171,26 @@ TEST(LightMap, WhatOneObjectLeavesAloneStaysAndTheRestIsAsIfMadeAnew) {
   EXPECT_LT(cv::norm(made.room, expected.room, cv::NORM_INF), 1e-5);
   EXPECT_EQ(cv::norm(made.touched, expected.touched, cv::NORM_INF), 0);
   EXPECT_LT(made.room(moved.PixelOf(-0.53, 0, kWall_m))[0], 0.6f);  // the moved shadow
+}
+
+TEST(LightMap, TheShadowOfAnAnimatedObjectGoesWithIt) {
+  Stage stage({PointAt(0.8, 3)}, -0.5);
+  stage.light.ambient = test::EvenAmbient(0.1f);
+  SceneObject& object = stage.scene.objects[0];
+  object.mesh = test::Moving(*object.mesh);
+  stage.Run();
+  for (const float t_s : {0.2f, 0.25f}) {  // 0.5 m to the right
+    object.posed = std::make_shared<const PosedVertices>(PoseMesh(*object.mesh->motion, 0, t_s));
+    stage.Run();
+  }
+  for (int i = 0; i < 20; ++i) stage.Run();
+  Stage there({PointAt(0.8, 3)}, 0);
+  there.light.ambient = test::EvenAmbient(0.1f);
+  const LightMap& expected = there.Run();
+  const LightMap& made = stage.Run();
+  EXPECT_LT(cv::norm(made.room, expected.room, cv::NORM_INF), 2e-3);
+  EXPECT_LT(made.room(stage.PixelOf(-0.4, 0, kWall_m))[0], 0.6f);
+  EXPECT_LT(cv::norm(made.cg, expected.cg, cv::NORM_INF), 2e-2);
 }
 
 TEST(LightMap, TheSunShinesThroughWallsAndCastsParallelShadows) {

@@ -10,6 +10,7 @@
 #include <random>
 
 #include "server/scene/scene_write.h"
+#include "tests/server/scene/test_motion.h"
 
 namespace mixstage {
 namespace {
@@ -320,6 +321,27 @@ TEST(SceneEditor, AnAvatarIsPlacedAndTurned) {
   EXPECT_EQ(stage.editor.scene()->avatar, Avatar{});
   Stage without(SceneFrame::kCamera);
   EXPECT_FALSE(without.Do(PlaceAvatar{{}, 10}));
+}
+
+TEST(SceneEditor, AnObjectIsGivenAnotherAnimation) {
+  Scene scene = SceneOf(SceneFrame::kWorld, 2);
+  scene.objects[0].mesh = test::Moving(*Box());
+  SceneEditor editor(scene, kDefault);
+  const FlatRoom room;
+  const auto animate = [&](std::uint32_t object, const std::string& name) {
+    return editor.Apply({.id = 1, .op = AnimateObject{object, name}}, kAnna, room, nullptr);
+  };
+  EXPECT_EQ(editor.Message().objects[0].animations, (std::vector<std::string>{"go", "rise"}));
+  EXPECT_EQ(editor.Message().objects[0].animation, "go");
+  EXPECT_TRUE(editor.Message().objects[1].animations.empty());
+  ASSERT_TRUE(animate(1, "rise"));
+  EXPECT_EQ(editor.Message().objects[0].animation, "rise");
+  ASSERT_TRUE(animate(1, "none"));
+  EXPECT_EQ(editor.scene()->objects[0].clip, -1);
+  EXPECT_FALSE(animate(1, "fly"));
+  EXPECT_FALSE(animate(2, "go"));
+  ASSERT_TRUE(editor.Apply({.id = 1, .op = UndoEdit{}}, kAnna, room, nullptr));
+  EXPECT_EQ(editor.Message().objects[0].animation, "rise");
 }
 
 TEST(SceneEditor, MoreThan256ObjectsAreRefused) {

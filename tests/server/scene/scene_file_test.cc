@@ -181,6 +181,12 @@ INSTANTIATE_TEST_SUITE_P(
             "reflectors:\n  - {plane: [0, 0, 1, 0], color: [1, 1, 1], polygon: [[0, 0, 0], [2, 0, 0], [2, 2, "
             "0], [1.5, 0.5, 0]]}\n",
             "reflectors[0].polygon is not convex"},
+        Mistake{"objects:\n  - {name: a, file: a.glb}\nreactions:\n  - {object: a, meets: floor, play: x, "
+                "of: b}\n",
+                "reactions[0].of names no object: b"},
+        Mistake{"objects:\n  - {name: a, file: a.glb}\nreactions:\n  - {object: a, meets: floor, message: x, "
+                "of: a}\n",
+                "reactions[0].of belongs to play"},
         Mistake{"reactions:\n  - {object: a, meets: floor, message: x}\n",
                 "reactions[0].object names no object: a"},
         Mistake{"objects:\n  - {name: a, file: a.glb}\nreactions:\n  - {object: a, message: x}\n",
@@ -220,6 +226,24 @@ TEST(SceneFile, MissingModelNamesObjectAndFile) {
   ASSERT_FALSE(scene);
   EXPECT_THAT(scene.error().message, HasSubstr("scene.yaml:2: object statue: file"));
   EXPECT_THAT(scene.error().message, HasSubstr("gone.glb: is missing"));
+}
+
+TEST(SceneFile, AnAnimationThatTheFileDoesNotHaveIsNamedWithThoseThatItHas) {
+  test::TemporaryFolder folder;
+  folder.Write("a.glb", test::MovingTriangle("translation", {1, 0, 0, 1, 0, 4}));
+  folder.Write("b.glb", test::Glb(test::TriangleJson(), test::TriangleBinary()));
+  const auto why = [&](const std::string& text) {
+    const auto scene = LoadScene(folder.Write("scene.yaml", text), LoadModel);
+    return scene ? std::string("loaded") : scene.error().message;
+  };
+  EXPECT_THAT(
+      why("objects:\n  - {name: door, file: a.glb, animation: open}\n"),
+      HasSubstr("scene.yaml:2: object door: animation: \"open\" is no animation of its file, which has go"));
+  EXPECT_THAT(why("objects:\n  - {name: door, file: b.glb, animation: open}\n"), HasSubstr("which has none"));
+  EXPECT_EQ(why("objects:\n  - {name: door, file: b.glb, animation: none}\n"), "loaded");
+  EXPECT_THAT(why("objects:\n  - {name: door, file: a.glb}\nreactions:\n  - {object: door, meets: actor, "
+                  "play: open}\n"),
+              HasSubstr("reaction of door: play: \"open\" is no animation"));
 }
 
 TEST(SceneFile, ObjectsOfOneFileShareTheirMesh) {

@@ -43,6 +43,7 @@ void ExpectEqual(const Scene& a, const Scene& b) {
     EXPECT_EQ(a.objects[i].body, b.objects[i].body);
     EXPECT_EQ(a.objects[i].drop, b.objects[i].drop);
     EXPECT_EQ(a.objects[i].hidden, b.objects[i].hidden);
+    EXPECT_EQ(a.objects[i].clip, b.objects[i].clip);
     EXPECT_EQ(a.objects[i].mass_kg, b.objects[i].mass_kg);
   }
   ASSERT_EQ(a.lights.size(), b.lights.size());
@@ -116,6 +117,28 @@ reactions:
   const std::string text = TextOf(file);
   ASSERT_TRUE(WriteScene(again, file));
   EXPECT_EQ(TextOf(file), text);
+}
+
+TEST(SceneWrite, AnimationsAreSavedByName) {
+  const test::TemporaryFolder folder;
+  folder.Write("a.glb", test::MovingTriangle("translation", {1, 0, 0, 1, 0, 4}));
+  const auto file = folder.Write("scene.yaml", R"(
+objects:
+  - {name: a, file: a.glb}
+  - {name: b, file: a.glb, animation: go}
+  - {name: c, file: a.glb, animation: none}
+reactions:
+  - {object: a, meets: floor, play: go}
+  - {object: a, meets: actor, play: none, of: c}
+)");
+  const Scene scene = Loaded(file);
+  ASSERT_EQ(scene.objects.size(), 3u);
+  EXPECT_EQ(scene.objects[0].clip, 0);
+  EXPECT_EQ(scene.objects[1].clip, 0);
+  EXPECT_EQ(scene.objects[2].clip, -1);
+  EXPECT_EQ(std::get<PlayAnimation>(scene.reactions.at(0).action), (PlayAnimation{"a", "go"}));
+  ASSERT_TRUE(WriteScene(scene, file));
+  ExpectEqual(scene, Loaded(file));
 }
 
 TEST(SceneWrite, RandomScenesComeBackNumberByNumber) {

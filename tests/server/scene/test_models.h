@@ -84,4 +84,27 @@ inline std::string Replaced(std::string text, const std::string& from, const std
   return text.replace(at, from.size(), to);
 }
 
+// The triangle on a node at (1, 0, 0), moved by a track of two keys, at 0 s and 2 s.
+inline std::string MovingTriangle(const std::string& path, const std::vector<float>& values,
+                                  const std::string& interpolation = "LINEAR") {
+  const std::string binary =
+      TriangleBinary() + std::string(2, '\0') + BytesOf<float>({0, 2}) + BytesOf(values);
+  const std::size_t bytes = values.size() * sizeof(float);
+  const bool turns = path == "rotation";
+  const std::size_t a_key = (turns ? 4u : 3u);
+  std::string json = TriangleJson(
+      R"(,"translation":[1,0,0])",
+      R"(,"animations":[{"name":"go","channels":[{"sampler":0,"target":{"node":0,"path":")" + path +
+          R"("}}],"samplers":[{"input":3,"output":4,"interpolation":")" + interpolation + R"("}]}])");
+  json = Replaced(
+      json, R"("byteLength":6}])",
+      R"("byteLength":6},{"buffer":0,"byteOffset":80,"byteLength":8},{"buffer":0,"byteOffset":88,"byteLength":)" +
+          std::to_string(bytes) + "}]");
+  json = Replaced(
+      json, R"("type":"SCALAR"}])",
+      R"("type":"SCALAR"},{"bufferView":3,"componentType":5126,"count":2,"type":"SCALAR"},{"bufferView":4,"componentType":5126,"count":)" +
+          std::to_string(values.size() / a_key) + R"(,"type":")" + (turns ? "VEC4" : "VEC3") + R"("}])");
+  return Glb(Replaced(json, R"("byteLength":78)", R"("byteLength":)" + std::to_string(88 + bytes)), binary);
+}
+
 }  // namespace mixstage::test

@@ -14,6 +14,8 @@ export type EditOp =
   | { op: 'drop'; object: number }
   | { op: 'delete'; object: number }
   | { op: 'hide'; object: number; hidden: boolean }
+  /** One of its animations, or `kNoAnimation`. */
+  | { op: 'animate'; object: number; animation: string }
   | { op: 'light'; light: number; position?: Vector3; color?: Vector3; intensity?: number }
   /** `turn_deg` is what it is from now on. */
   | { op: 'avatar'; position?: Vector3; turn_deg?: number }

@@ -35,7 +35,13 @@ export interface SceneObject {
   /** Of the shadow ring. */
   radius_m: number;
   hidden: boolean;
+  /** What its file can play, and what it plays again and again; missing where that is nothing. */
+  animations?: string[];
+  animation?: string;
 }
+
+/** SPEC 7: `animation` of an object that stands. */
+export const kNoAnimation = 'none';
 
 export interface SceneLight {
   id: number;
@@ -93,6 +99,9 @@ function objectOf(record: JsonRecord): SceneObject {
     base: vectorAt(record, 'base'),
     radius_m: amountAt(record, 'radius_m'),
     hidden: flagAt(record, 'hidden'),
+    ...('animations' in record
+      ? { animations: textsAt(record, 'animations'), animation: textAt(record, 'animation') }
+      : {}),
   };
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-import type { Scene, SceneObject } from '../transport/scene';
+import { kNoAnimation, type Scene, type SceneObject } from '../transport/scene';
 import { AddMenu } from './add_menu';
 import { AvatarRow } from './avatar_row';
 import { el, setText } from './dom';
@@ -15,6 +15,7 @@ interface Row {
   root: HTMLElement;
   name: HTMLElement;
   select: HTMLButtonElement;
+  animation: HTMLSelectElement;
   hide: HTMLButtonElement;
   move: HTMLButtonElement;
   remove: HTMLButtonElement;
@@ -127,6 +128,7 @@ export class SceneSection {
     row.root.classList.toggle('is-hidden', object.hidden);
     row.select.setAttribute('aria-pressed', String(is_selected));
     row.select.title = `${object.file}, ${object.triangles} triangles`;
+    this.#showAnimations(row.animation, object);
     for (const button of [row.hide, row.move, row.remove]) button.hidden = !may_edit;
     row.hide.replaceChildren(icon(object.hidden ? 'hidden' : 'shown'));
     row.hide.setAttribute('aria-pressed', String(object.hidden));
@@ -139,6 +141,17 @@ export class SceneSection {
     row.remove.setAttribute('aria-label', `Delete ${object.name}`);
   }
 
+  #showAnimations(list: HTMLSelectElement, { name, animations, animation }: SceneObject): void {
+    list.hidden = animations === undefined || !this.#editor.may_edit;
+    if (animations === undefined || animation === undefined) return;
+    const names = [...animations, kNoAnimation];
+    if (list.options.length !== names.length)
+      list.replaceChildren(...names.map((each) => el('option', { text: each, attributes: { value: each } })));
+    list.value = animation;
+    list.title = `What ${name} plays`;
+    list.setAttribute('aria-label', list.title);
+  }
+
   #makeRow(id: number): Row {
     const name = el('span', { class: 'object-name' });
     const select = el(
@@ -146,11 +159,15 @@ export class SceneSection {
       { class: 'object-select', testid: `object-${id}`, attributes: { type: 'button' } },
       name,
     );
+    const animation = el('select', { class: 'object-animation', testid: `animation-${id}` });
     const hide = toolButton('shown', `hide-${id}`, 'Hide');
     const move = toolButton('move', `move-${id}`, 'Move: click into the program, or use the arrow keys here');
     const remove = toolButton('trash', `delete-${id}`, 'Delete (Del)');
-    const root = el('li', { class: 'object' }, select, hide, move, remove);
+    const root = el('li', { class: 'object' }, select, animation, hide, move, remove);
     select.addEventListener('click', () => this.#editor.select(id));
+    animation.addEventListener('change', () =>
+      this.#editor.do({ op: 'animate', object: id, animation: animation.value }),
+    );
     hide.addEventListener('click', () => {
       const hidden = this.#editor.scene?.objects.find((object) => object.id === id)?.hidden ?? false;
       this.#editor.do({ op: 'hide', object: id, hidden: !hidden });
@@ -162,7 +179,7 @@ export class SceneSection {
     });
     move.addEventListener('keydown', (event) => this.#nudge(event, id));
     remove.addEventListener('click', () => this.#editor.do({ op: 'delete', object: id }));
-    const row = { root, name, select, hide, move, remove };
+    const row = { root, name, select, animation, hide, move, remove };
     this.#rows.set(id, row);
     this.#list.append(root);
     return row;
