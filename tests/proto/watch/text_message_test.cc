@@ -204,8 +204,9 @@ TEST(ViewerMessage, RubbishIsRefused) {
         std::string("{\"type\":\"ping\",\"viewer_us\":1} more"), std::string("{\"type\":\"subscribe\"}"),
         std::string("{\"type\":\"subscribe\",\"streams\":[\"sound\"]}"),
         std::string("{\"type\":\"subscribe\",\"streams\":[1]}"),
-        std::string("{\"type\":\"subscribe\",\"streams\":[\"color\",\"color\",\"color\",\"color\"]}"), deep,
-        "{\"type\":\"ping\",\"viewer_us\":" + deep + "}",
+        std::string(
+            "{\"type\":\"subscribe\",\"streams\":[\"color\",\"color\",\"color\",\"color\",\"color\"]}"),
+        deep, "{\"type\":\"ping\",\"viewer_us\":" + deep + "}",
         "{\"type\":\"keyframe\",\"x\":\"" + std::string(5000, 'x') + "\"}"}) {
     const auto message = ParseViewerMessage(text);
     ASSERT_FALSE(message) << text.substr(0, 60);

@@ -192,7 +192,7 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"objects:\n  - {name: a, file: a.glb}\nreactions:\n  - {object: a, message: x}\n",
                 "reactions[0].meets is missing"},
         Mistake{"objects:\n  - {name: a, file: a.glb}\nreactions:\n  - {object: a, meets: b}\n",
-                "reacts by message, light or put_back"},
+                "reacts by message, light, put_back or play"},
         Mistake{"objects:\n  - {name: a, file: a.glb}\nreactions:\n  - {object: a, meets: b, light: sun, "
                 "intensity: 1}\n",
                 "reactions[0].light names no light of the scene: sun"},
