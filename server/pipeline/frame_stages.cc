@@ -175,6 +175,7 @@ Result<Studio> Studio::Create(StudioSetup setup) {
     if (auto ok = studio.OpenAvatar(std::move(avatar_setup), elsewhere ? &*elsewhere : nullptr); !ok)
       return tl::unexpected(ok.error());
   }
+  if (auto ok = studio.PlaceReflectors(); !ok) return tl::unexpected(ok.error());
   if (studio.scene_) {
     auto renderer = CgRenderer::Create({}, studio.view(), studio.device_, studio.meshes_);
     if (!renderer) return tl::unexpected(renderer.error());
@@ -195,6 +196,24 @@ Result<Studio> Studio::Create(StudioSetup setup) {
     }
   }
   return studio;
+}
+
+Status Studio::PlaceReflectors() {
+  for (Reflector& reflector : posed_.reflectors) {
+    if (reflector.surface.empty()) continue;
+    const auto plane = std::ranges::find(planes_, reflector.surface, &RoomPlane::name);
+    if (plane == planes_.end()) {
+      std::string names;
+      for (const RoomPlane& known : planes_) names += (names.empty() ? "" : ", ") + known.name;
+      return Fail(ErrorCode::kInvalidConfig, "scene: reflector " + reflector.name + ": surface: \"" +
+                                                 reflector.surface +
+                                                 "\" is no plane of the scanned room, which has " +
+                                                 (names.empty() ? "none: give --environment" : names));
+    }
+    reflector.plane << plane->normal, plane->d;
+    reflector.polygon = plane->polygon;
+  }
+  return {};
 }
 
 DefaultLight Studio::DefaultLights() const {
@@ -301,6 +320,7 @@ void Studio::SetScene(std::shared_ptr<const Scene> scene) {
   if (!same_things && room_view_) predicted_ = 0;
   if (!same_things && learnt_room_) LayThings();
   posed_ = *scene_;
+  MIX_CHECK(PlaceReflectors().has_value());  // no edit changes them
   reactions_.SetScene(*scene_, posed_);
   if (physics_) physics_->SetScene(*scene_);
   illumination_ = IlluminationOf(posed_, RoomRadianceOrNull());

@@ -146,6 +146,8 @@ class Studio {
   [[nodiscard]] const RoomPrediction& WithThings(const RoomPrediction& prediction,
                                                  const RigidTransform& T_world_color);
   [[nodiscard]] RigidTransform PoseOf(const CapturedFrame& captured);
+  // Reflectors of posed_ that name a surface of the scanned room get its plane and polygon.
+  Status PlaceReflectors();
   // elsewhere: AvatarSetup::room, or null.
   Status OpenAvatar(AvatarSetup setup, const ScannedRoom* elsewhere);
   // When its depth was measured, by the clock of colour and never after it; it must have one.

@@ -103,6 +103,8 @@ struct Ambient {
 // truth.
 struct Reflector {
   std::string name;
+  std::string
+      surface;  // of the scanned room, by its plane's name: says plane and polygon; empty: they are given
   Eigen::Vector4d plane = Eigen::Vector4d::Zero();  // scene frame: n . x + d = 0, |n| = 1
   std::vector<Eigen::Vector3d> polygon;             // corners near the plane; empty: all of the plane
   std::optional<Eigen::Vector3f> color;             // of a patch, linear light; its polygon is convex

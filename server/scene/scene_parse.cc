@@ -186,12 +186,17 @@ Status ReadReflector(YamlFields& f, std::size_t number, SceneDescription& scene)
   Reflector reflector;
   reflector.name = "reflector " + std::to_string(number + 1);
   std::array<double, 4> plane{};
-  if (!f.Has("plane")) return f.Bad("plane", "is missing");
-  if (auto ok = All({f.Text("name", reflector.name), f.Numbers("plane", plane),
-                     f.NumberIn("reflectivity", 0, 1, reflector.reflectivity),
+  if (f.Has("plane") == f.Has("surface")) return f.Bad("plane", "or surface: give one of them");
+  if (auto ok = All({f.Text("name", reflector.name), f.Text("surface", reflector.surface),
+                     f.Numbers("plane", plane), f.NumberIn("reflectivity", 0, 1, reflector.reflectivity),
                      f.NumberIn("roughness", 0, 1, reflector.roughness)});
       !ok) {
     return ok;
+  }
+  if (f.Has("surface")) {
+    if (scene.frame != SceneFrame::kWorld) return f.Bad("surface", "needs frame: world");
+    scene.reflectors.push_back(std::move(reflector));
+    return f.CheckAllKnown();
   }
   if (f.Has("color")) {
     std::array<double, 3> color{};

@@ -103,7 +103,9 @@ std::string LightYaml(const Light& light) {
 }
 
 std::string ReflectorYaml(const Reflector& reflector) {
-  std::string text = "  - {name: " + Quoted(reflector.name) + ", plane: " + Numbers(reflector.plane);
+  std::string text = "  - {name: " + Quoted(reflector.name);
+  text += reflector.surface.empty() ? ", plane: " + Numbers(reflector.plane)
+                                    : ", surface: " + Quoted(reflector.surface);
   if (!reflector.polygon.empty()) {
     text += ", polygon: [";
     for (const Eigen::Vector3d& corner : reflector.polygon) {

@@ -269,6 +269,41 @@ TEST_F(StudioTest, AScannedRoomNeedsNoEmptySet) {
   EXPECT_LT(cv::countNonZero(frame.alpha >= 128), 200);
 }
 
+TEST_F(StudioTest, AReflectorMayBeASurfaceThatTheScanHasFound) {
+  const auto show = [](const std::string& surface) {
+    StudioSetup setup;
+    setup.rig = SyntheticRig();
+    setup.rig.vignetting_a = setup.rig.vignetting_b = 0;
+    setup.scanned = ScannedRoom{.model = Scan(), .doubt = {.registration_px = 0.3f, .depth_sigma_m = 0.003f}};
+    for (const char* name : {"floor", "wall"}) setup.scanned->planes.emplace_back().name = name;
+    auto scene = LoadScene(MIXSTAGE_SOURCE_DIR "/deploy/demo/scene.yaml", LoadModel);
+    setup.scene = std::move(scene->scene);
+    if (!surface.empty()) {
+      Reflector& reflector = setup.scene->reflectors.emplace_back();
+      reflector.name = "wet floor";
+      reflector.surface = surface;
+      reflector.reflectivity = 0.3;
+    }
+    return Studio::Create(std::move(setup));
+  };
+  const auto wrong = show("table");
+  ASSERT_FALSE(wrong);
+  EXPECT_EQ(wrong.error().message,
+            "scene: reflector wet floor: surface: \"table\" is no plane of the scanned room, which has "
+            "floor, wall");
+  auto wet = show("floor"), dry = show("");
+  ASSERT_TRUE(wet && dry) << (wet ? dry : wet).error().message;
+  wet->SetScene(std::make_shared<const Scene>(*wet->scene()));  // as after an edit
+  Frame a, b;
+  for (int i = 0; i < 2; ++i) {
+    for (auto [studio, frame] : {std::pair(&*wet, &a), std::pair(&*dry, &b)}) {
+      frame->captured = Capture(0.3 + i / 30.0);
+      studio->Run(*frame, times_);
+    }
+  }
+  EXPECT_GT(cv::countNonZero(cv::abs(a.composite.y - b.composite.y) > 4), 300);
+}
+
 // piVE 5, in the room that he comes from.
 class AvatarTest : public StudioTest {
  protected:

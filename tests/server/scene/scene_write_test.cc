@@ -70,6 +70,7 @@ void ExpectEqual(const Scene& a, const Scene& b) {
   ASSERT_EQ(a.reflectors.size(), b.reflectors.size());
   for (std::size_t i = 0; i < a.reflectors.size(); ++i) {
     EXPECT_EQ(a.reflectors[i].name, b.reflectors[i].name);
+    EXPECT_EQ(a.reflectors[i].surface, b.reflectors[i].surface);
     EXPECT_EQ(a.reflectors[i].plane, b.reflectors[i].plane);
     EXPECT_EQ(a.reflectors[i].polygon, b.reflectors[i].polygon);
     EXPECT_EQ(a.reflectors[i].color, b.reflectors[i].color);
@@ -96,6 +97,7 @@ lights:
 reflectors:
   - {name: desk, plane: [0.1, 0.2, 2, -1.5], polygon: [[0, 0, 0.75], [1, 0, 0.75], [0, 1.1, 0.75]], reflectivity: 0.15, roughness: 0.1}
   - {name: marble, plane: [0, 0, 1, 0], polygon: [[0, 0, 0], [1, 0, 0], [0, 1.1, 0]], color: [0.1, 0.2, 0.7], reflectivity: 0.3}
+  - {name: table, surface: "table \"1\"", roughness: 0.2}
 reactions:
   - {object: c, meets: floor, after_s: 2.5, put_back: "true"}
   - {object: c, meets: "true", least_impulse_ns: 0.3, light: bulb, intensity: 0.7}
