@@ -14,6 +14,7 @@
 #include "server/environment/depth_fusion.h"
 #include "server/environment/lamps.h"
 #include "server/environment/moved_things.h"
+#include "server/environment/openings.h"
 #include "server/environment/pose_order.h"
 #include "server/environment/range_view.h"
 #include "server/environment/registration.h"
@@ -440,6 +441,11 @@ Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<
   }
   report.measured = wanted == 0 ? 0 : static_cast<double>(have) / static_cast<double>(wanted);
   report.measured_by = MeasuredBy(surface, swept);
+  result.scanned.environment.planes = DescribePlanes(surface.planes, surface.nodes, panorama.center);
+  for (const Opening& o : FindOpenings(surface.nodes, surface.planes, swept, grid)) {
+    report.warnings.push_back(Described(
+        o, o.plane < 0 ? "" : result.scanned.environment.planes[static_cast<std::size_t>(o.plane)].name));
+  }
   FillNodes(surface.nodes, swept);
 
   step("color");
@@ -492,7 +498,6 @@ Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<
   environment.rig.vignetting_a = photometry.vignetting_a;
   environment.rig.vignetting_b = photometry.vignetting_b;
   environment.rig.ptu = ptu;
-  environment.planes = DescribePlanes(surface.planes, surface.nodes, panorama.center);
   std::vector<double> misses;
   // More than an encoder's own noise and what its axes were off at the start: somebody should look at it.
   constexpr double kOff_deg = 0.2;

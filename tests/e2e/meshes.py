@@ -5,21 +5,18 @@ other programs' readers (Draco's decoder, Khronos' glTF validator).   meshes.py 
 import json
 import os
 import pathlib
-import shutil
 import socket
 import struct
 import subprocess
 import sys
-import tempfile
 
 import cv2
 import numpy as np
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from programs import ROOT, Studio, run_all
+from programs import ROOT, Studio, folders, run_all
 
-BUILD = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "build").resolve()
-WORK = pathlib.Path(tempfile.mkdtemp(prefix="mixstage-meshes-"))
+BUILD, WORK = folders("meshes")
 STEM = "0010"  # the take's truth has every tenth picture
 BEGIN_S, END_S = 13.7, 14.4
 
@@ -234,6 +231,4 @@ TESTS = [the_mesh_lies_on_the_true_figure, its_silhouette_is_the_mattes, dracos_
          the_gltf_validator_finds_nothing, a_wrong_format_is_said, viewers_get_actor_room_and_objects_live]
 
 if __name__ == "__main__":
-    failed = run_all(TESTS)
-    shutil.rmtree(WORK, ignore_errors=True)
-    sys.exit(1 if failed else 0)
+    sys.exit(1 if run_all(TESTS) else 0)

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Starts agents, servers and viewers as a studio would: real processes, real LCM, real sockets. Runs the programs that end by
 themselves, and the evaluators of the shared test data on what they wrote."""
+import atexit
 import json
 import os
 import pathlib
+import shutil
 import signal
 import socket
 import subprocess
@@ -118,9 +120,13 @@ class Skip(Exception):
 
 
 def folders(name):
-    """BUILD_DIR and OUT_DIR of the command line; without an OUT_DIR a new folder."""
+    """BUILD_DIR and OUT_DIR of the command line; without an OUT_DIR a new folder that goes with the program."""
     build = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "build").resolve()
-    return build, pathlib.Path(sys.argv[2] if len(sys.argv) > 2 else tempfile.mkdtemp(prefix=f"mixstage-{name}-")).resolve()
+    if len(sys.argv) > 2:
+        return build, pathlib.Path(sys.argv[2]).resolve()
+    out = pathlib.Path(tempfile.mkdtemp(prefix=f"mixstage-{name}-")).resolve()
+    atexit.register(shutil.rmtree, out, ignore_errors=True)
+    return build, out
 
 
 def program(*command, expect=0):

@@ -6,6 +6,7 @@ scan.py BUILD_DIR [OUT_DIR]
 """
 import json
 import math
+import re
 import shutil
 import sys
 
@@ -140,6 +141,19 @@ def damaged_pictures_are_left_out_by_name():
     return "; ".join(n["reason"] for n in report["left_out"])
 
 
+def a_mirror_and_a_window_are_named():
+    """A mirror of 1.4 x 1.2 m is hung beside the far corner; the studio's window has four panes that give no range."""
+    views = copy_of_the_sweep("mirror")
+    program(PYTHON, ROOT / "tests" / "support" / "hang_a_mirror.py", views, TRUE_RIG, STUDIO / "ground_truth" / "poses" / "scan_groundtruth.txt",
+            "y=0", "5.2,0,1.0", "6.6,0,2.2", "7,6,3")
+    warnings = scanned(views, TRUE_RIG, "mirror")[1]["warnings"]
+    mirrors = [w for w in warnings if "has a mirror of 1." in w]
+    panes = [w for w in warnings if "gave no range" in w]
+    assert len(mirrors) == 1 and re.search(r" at 5\.[89]\d, -?0\.0\d, 1\.[56]", mirrors[0]), warnings
+    assert len(panes) == 4, warnings
+    return mirrors[0].split(";")[0]
+
+
 def a_sweep_without_what_a_scan_needs_is_refused_in_one_line():
     said = []
     for views, rig, word in ((STUDIO / "scan", STUDIO / "rig.json", "ptu"), (DATA / "real" / "calib_stereo", None, ""), (STUDIO / "calib_wide", TRUE_RIG, "")):
@@ -157,7 +171,7 @@ def a_hand_held_sequence_with_poses_is_scanned():
 
 
 TESTS = [a_photoreal_studio_is_scanned_to_millimetres, a_view_whose_encoder_is_a_degree_off_is_placed_by_its_pictures,
-         poses_out_of_step_with_the_pictures_are_named, damaged_pictures_are_left_out_by_name, a_sweep_without_what_a_scan_needs_is_refused_in_one_line,
+         poses_out_of_step_with_the_pictures_are_named, damaged_pictures_are_left_out_by_name, a_mirror_and_a_window_are_named, a_sweep_without_what_a_scan_needs_is_refused_in_one_line,
          a_hand_held_sequence_with_poses_is_scanned]
 
 if __name__ == "__main__":
