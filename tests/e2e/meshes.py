@@ -5,6 +5,7 @@ other programs' readers (Draco's decoder, Khronos' glTF validator).   meshes.py 
 import json
 import os
 import pathlib
+import shutil
 import socket
 import struct
 import subprocess

@@ -32,7 +32,6 @@ void ConfineAndTry(const std::filesystem::path& folder) {
 TEST(Confine, OnlyTheFolderCanBeReadAndNothingElseDone) {
   const test::TemporaryFolder folder;
   folder.Write("inside", "x");
-  testing::GTEST_FLAG(death_test_style) = "threadsafe";
   EXPECT_EXIT(ConfineAndTry(folder.path()), testing::ExitedWithCode(0), "");
 }
 
