@@ -42,7 +42,7 @@ HWY_INLINE void DecideAt(D d, const float* weight, const float* weighted, int x,
   const hn::Rebind<std::uint8_t, D> d8;
   const auto w = hn::Max(hn::LoadU(d, weight + x), hn::Zero(d));
   const auto mean = hn::Div(hn::LoadU(d, weighted + x), hn::Max(w, hn::Set(d, 0.05f)));
-  const auto result = hn::Mul(mean, hn::Min(hn::Mul(w, hn::Set(d, 4.0f)), hn::Set(d, 1.0f)));
+  const auto result = hn::Mul(mean, hn::Min(hn::Mul(w, hn::Set(d, 1 / kMeasured)), hn::Set(d, 1.0f)));
   hn::StoreU(result, d, log_odds + x);
   const auto full = hn::Set(d, 255.0f);
   const auto is_front = hn::IfThenElseZero(hn::Gt(result, hn::Set(d, kFront)), full);

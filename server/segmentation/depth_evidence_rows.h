@@ -16,6 +16,9 @@ inline constexpr float kBehind = -4.0f;
 // Log-odds from which a pixel is counted as in front of the room, and as the room.
 inline constexpr float kFront = 1.0f;
 inline constexpr float kRoom = -0.5f;
+// Share of the 3x3 around a pixel that must be measured before depth speaks there with its whole weight: of a
+// gap between legs it knows the legs.
+inline constexpr float kMeasured = 2.0f / 3;
 // Share of a window that must agree before depth's word is taken as final.
 inline constexpr float kHalfTrust = 0.85f;
 inline constexpr float kFullTrust = 0.98f;

@@ -20,8 +20,9 @@ constexpr float kAlphaPerByte = 8.0f;
 // Depth's log-odds from which it counts as "the room" for colour, and fully.
 constexpr float kDepthFrom = 0.75f, kDepthFully = 2.25f;
 // Log-odds of "the room in another light" for what has the room's texture (ShadowTexture's kept), more where
-// depth sees the room and the likeness is beyond chance; and where it sees the room at all.
-constexpr float kKept = 3.0f, kKeptOfRoom = 24.0f, kChance = 0.4f, kDarkRoom = 5.0f;
+// depth sees the room and the likeness is beyond chance; and where it sees the room at all: of a dark colour,
+// and of any, though a clear one still beats depth by a log-odd.
+constexpr float kKept = 3.0f, kKeptOfRoom = 24.0f, kChance = 0.4f, kDarkRoom = 5.0f, kMirrored = 3.5f;
 constexpr float kNothingSaid = 8.0f, kSurelyRoom = -5.0f;
 
 // Log-odds [Quarter x Quarter] -> bytes at half size.
@@ -127,7 +128,8 @@ void Key::Run(const BackgroundModel& model, ImageView<const std::uint8_t> luma, 
 }
 
 // What has the room's texture is the room in another light, most of all where depth sees the room too: under
-// a foot, in what a table reflects. There a shadow may also be as dark as it likes.
+// a foot, in what a table reflects. There a shadow may also be as dark as it likes, and what is mirrored has
+// its own colours and edges.
 void Key::BelieveTexture(const cv::Mat1f& depth) {
   most_.create(kept_.size());
   for (int y = 0; y < most_.rows; ++y) {
@@ -138,7 +140,8 @@ void Key::BelieveTexture(const cv::Mat1f& depth) {
     for (int x = 0; x < most_.cols; ++x) {
       const float room = std::clamp((-log_odds[x] - kDepthFrom) / (kDepthFully - kDepthFrom), 0.0f, 1.0f);
       texture[x] -= kDarkRoom * room;
-      const float claim = kKept * kept[x] + kKeptOfRoom * room * std::max(kept[x] - kChance, 0.0f);
+      const float claim =
+          kMirrored * room + kKept * kept[x] + kKeptOfRoom * room * std::max(kept[x] - kChance, 0.0f);
       most[x] = std::max(kNothingSaid - claim, kSurelyRoom);
     }
   }

@@ -48,6 +48,15 @@ TEST_F(DepthEvidenceTest, HoleSaysNothing) {
   EXPECT_FLOAT_EQ(evidence_.log_odds()(25, 32), 0);
 }
 
+TEST_F(DepthEvidenceTest, ANarrowGapIsNotWhatLiesBesideIt) {
+  room_.PaintDepth({80, 40, 100, 120}, 2.0f);
+  room_.PaintDepth({120, 40, 12, 120}, 0.0f);
+  Run(0);
+  EXPECT_FLOAT_EQ(evidence_.log_odds()(25, 27), 5);
+  EXPECT_LT(evidence_.log_odds()(25, 30), 3);
+  EXPECT_LT(evidence_.log_odds()(25, 32), 3);
+}
+
 TEST_F(DepthEvidenceTest, FarBehindTheRoomSaysNothing) {
   room_.PaintDepth({80, 40, 100, 120}, 5.0f);
   Run(0);

@@ -81,6 +81,28 @@ TEST_F(KeyTest, AReflectionIsTheRoomByItsTexture) {
   EXPECT_LT(Share(kActor, kLabelActor), 0.02);
 }
 
+TEST_F(KeyTest, AMirrorImageWithEdgesOfItsOwnIsTheRoomWhereDepthSeesIt) {
+  for (int y = kActor.y / 2; y < kActor.br().y / 2; ++y) {
+    for (int x = kActor.x / 2; x < kActor.br().x / 2; ++x) {
+      const double share = 0.35, light = 30 + 120 * ((x / 6 + y / 11) % 2);  // stripes of something yellow
+      const auto mix = [&](cv::Mat1b& plane, double mirrored) {
+        plane(y, x) = cv::saturate_cast<std::uint8_t>((1 - share) * plane(y, x) + share * mirrored);
+      };
+      mix(room_.picture.r, light);
+      mix(room_.picture.g, light);
+      mix(room_.picture.b, 0);
+    }
+  }
+  Run(room_.Depth());
+  EXPECT_LT(Share(kActor, kLabelActor), 0.02);
+}
+
+TEST_F(KeyTest, WhatLiesFlatOnTheRoomIsKeyedByAClearColor) {
+  room_.PaintColor(kActor, 20, 30, 160);
+  Run(room_.Depth());
+  EXPECT_GT(Share(kActor, kLabelActor), 0.98);
+}
+
 TEST_F(KeyTest, DepthInFrontIsNoShadowHoweverMuchItLooksLikeOne) {
   room_.Darken(kActor, 0.75f);
   room_.PaintDepth(kActor, 2.0f);
