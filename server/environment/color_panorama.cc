@@ -8,6 +8,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "proto/base/check.h"
+#include "proto/geometry/half_camera.h"
 #include "server/raster/rasteriser.h"
 
 namespace mixstage {
@@ -171,35 +172,36 @@ std::vector<std::size_t> ViewsOfTile(const PanoramaGrid& grid, const cv::Mat1f& 
 
 }  // namespace
 
-Result<std::vector<ViewOcclusion>> FindOcclusions(const SurfaceMesh& mesh, const PinholeCamera& camera,
-                                                  const std::vector<PosedPicture>& views) {
-  PinholeCamera small = camera;
-  small.width = std::max(1, camera.width / kOcclusionShrink);
-  small.height = std::max(1, camera.height / kOcclusionShrink);
-  const double scale = 1.0 / kOcclusionShrink;
-  small.fx *= scale;
-  small.fy *= scale;
-  small.cx = (camera.cx + 0.5) * scale - 0.5;
-  small.cy = (camera.cy + 0.5) * scale - 0.5;
-  auto rasteriser = CreateRasteriser(RasterBackend::kCpu, small, {});
+Result<std::vector<cv::Mat1f>> DrawDepths(const SurfaceMesh& mesh, const PinholeCamera& camera,
+                                          const std::vector<PosedPicture>& views) {
+  auto rasteriser = CreateRasteriser(RasterBackend::kCpu, camera, {});
   if (!rasteriser) return tl::unexpected(rasteriser.error());
-  std::vector<ViewOcclusion> occlusions;
-  const cv::Mat kernel = cv::getStructuringElement(cv::MORPH_RECT, {3, 3});
+  std::vector<cv::Mat1f> depths;
   for (const PosedPicture& view : views) {
     (*rasteriser)->Begin({});
     (*rasteriser)
         ->DrawDepth({mesh.positions, mesh.indices}, Eigen::Affine3d(view.T_world_color.inverse().matrix()),
                     Faces::kBoth);
     const VisibilityBuffer& buffer = (*rasteriser)->Finish();
-    ViewOcclusion o;
-    o.depth_m.create(small.height, small.width);
-    for (int y = 0; y < small.height; ++y)
-      for (int x = 0; x < small.width; ++x) {
-        const float z = buffer.depth_m.ptr<float>(y)[x];
-        o.depth_m(y, x) = z > 0 ? z : 1e6f;
-      }
-    cv::erode(o.depth_m, o.depth_m, kernel);
-    occlusions.push_back(std::move(o));
+    cv::Mat1f depth_m(camera.height, camera.width);
+    for (int y = 0; y < depth_m.rows; ++y)
+      std::copy_n(buffer.depth_m.ptr<float>(y), depth_m.cols, depth_m[y]);
+    depths.push_back(depth_m);
+  }
+  return depths;
+}
+
+Result<std::vector<ViewOcclusion>> FindOcclusions(const SurfaceMesh& mesh, const PinholeCamera& camera,
+                                                  const std::vector<PosedPicture>& views) {
+  auto depths = DrawDepths(mesh, HalfCamera(camera), views);
+  if (!depths) return tl::unexpected(depths.error());
+  std::vector<ViewOcclusion> occlusions;
+  const cv::Mat kernel = cv::getStructuringElement(cv::MORPH_RECT, {3, 3});
+  for (cv::Mat1f& depth_m : *depths) {
+    for (float& z : depth_m)
+      if (z <= 0) z = 1e6f;
+    cv::erode(depth_m, depth_m, kernel);
+    occlusions.push_back({depth_m});
   }
   return occlusions;
 }

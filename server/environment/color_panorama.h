@@ -19,6 +19,10 @@ struct PosedPicture {
   RigidTransform T_world_color = RigidTransform::Identity();
 };
 
+// z of the surface in each view by a camera of this lens, 0 = nothing there.
+Result<std::vector<cv::Mat1f>> DrawDepths(const SurfaceMesh& mesh, const PinholeCamera& camera,
+                                          const std::vector<PosedPicture>& views);
+
 // z of the nearest surface in each view's own lens at half the picture's size, taken over a few pixels
 // around: what lies behind is hidden or too near an edge. 0 = nothing there.
 struct ViewOcclusion {

@@ -21,9 +21,8 @@ struct DenseSurface {
 };
 
 // Every pixel takes the plane, of those of the nodes around it, that its neighbourhood votes for: near nodes,
-// nodes of its own colour, planes that meet what was measured there. Where two of the room's planes meet, the
-// edge is their intersection. guide [h x w], node_color [node]: linear light, root of it; both empty = no
-// colour.
+// planes that meet what was measured there. Where two of the room's planes meet, the edge is their
+// intersection.
 DenseSurface MakeDense(const SurfaceNodes& nodes, const FusedDepth& fused, const PanoramaGrid& grid);
 
 }  // namespace mixstage

@@ -12,6 +12,7 @@
 #include "server/environment/color_panorama.h"
 #include "server/environment/dense_surface.h"
 #include "server/environment/depth_fusion.h"
+#include "server/environment/edge_placement.h"
 #include "server/environment/lamps.h"
 #include "server/environment/moved_things.h"
 #include "server/environment/openings.h"
@@ -448,11 +449,17 @@ Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<
   }
   FillNodes(surface.nodes, swept);
 
-  step("color");
+  step("edges");
   std::vector<PosedPicture> color_views;
   for (std::size_t i = 0; i < views.size(); ++i) color_views.push_back({views[i].bgr, poses[i]});
   DenseSurface dense = MakeDense(surface.nodes, surface.fused, grid);
-  SurfaceMesh mesh = MakeSurfaceMesh(dense, surface.nodes, grid, {});
+  if (auto ok = PlaceEdges(MakeSurfaceMesh(dense, surface.nodes, grid, {}), rig.color, color_views,
+                           surface.nodes, grid, dense);
+      !ok)
+    return tl::unexpected(ok.error());
+
+  step("color");
+  const SurfaceMesh mesh = MakeSurfaceMesh(dense, surface.nodes, grid, {});
   auto occlusions = FindOcclusions(mesh, rig.color, color_views);
   if (!occlusions) return tl::unexpected(occlusions.error());
   const std::vector<MovedThing> moved =

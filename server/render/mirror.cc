@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "server/render/half_camera.h"
+#include "proto/geometry/half_camera.h"
 
 namespace mixstage {
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "proto/base/check.h"
-#include "server/render/half_camera.h"
+#include "proto/geometry/half_camera.h"
 #include "server/render/interpolate.h"
 #include "server/render/srgb.h"
 

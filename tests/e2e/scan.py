@@ -86,8 +86,11 @@ def a_photoreal_studio_is_scanned_to_millimetres():
         file = next((OUT / "empty" / folder).glob("*.png"))
         file.rename(file.with_stem("empty" if folder == "predicted_depth" else "empty_room"))
     depth = evaluate("evaluate_depth.py", OUT / "empty" / "predicted_depth", STUDIO / "ground_truth" / "depth_empty")
+    edges = json.loads(program(PYTHON, ROOT / "tests" / "support" / "evaluate_edges.py", OUT / "empty" / "predicted_depth" / "empty.png",
+                               STUDIO / "ground_truth" / "depth_empty" / "empty.png").stdout)
     picture = evaluate("evaluate_picture.py", OUT / "empty" / "predicted_color" / "empty_room.png", STUDIO / "ground_truth" / "empty_room.png")
     assert depth["median_abs_mm"] <= 3 and depth["p95_abs_mm"] <= 25 and depth["rms_mm"] <= 15 and depth["completeness"] >= 0.99, depth
+    assert edges["median_px"] <= 2, edges
     assert picture["psnr"] >= 30, picture
     truth = STUDIO / "ground_truth"
     seams = json.loads(program(PYTHON, ROOT / "tests" / "support" / "evaluate_seams.py", OUT / "empty" / "predicted_color" / "empty_room.png",
@@ -95,6 +98,7 @@ def a_photoreal_studio_is_scanned_to_millimetres():
                                truth / "poses" / "take_static_groundtruth.txt").stdout)
     assert seams["pixels"] > 1000 and seams["p95"] <= 1.5, seams
     return (f'poses {turn:.4f} deg {shift:.2f} mm, depth median {depth["median_abs_mm"]:.1f} p95 {depth["p95_abs_mm"]:.1f} rms {depth["rms_mm"]:.1f} mm, '
+            f'edges {edges["median_px"]:.0f} px median, '
             f'colour {picture["psnr"]:.1f} dB, seams {seams["mean"]:.1f} p95 {seams["p95"]:.1f} levels, '
             f'{report["triangles"]} triangles, {report["total_ms"] / 1000:.1f} s')
 

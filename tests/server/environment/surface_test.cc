@@ -8,6 +8,7 @@
 
 #include "server/environment/dense_surface.h"
 #include "server/environment/depth_fusion.h"
+#include "server/environment/edge_placement.h"
 #include "server/environment/room_planes.h"
 #include "server/environment/surface_fit.h"
 #include "server/environment/surface_mesh.h"
@@ -21,6 +22,7 @@ constexpr double kSigma_m = 0.03;
 
 struct Scanned {
   BoxRoom room;
+  std::vector<RigidTransform> poses;  // T_world_color
   PanoramaGrid grid;
   FusedDepth fused;
   SurfaceNodes nodes;
@@ -49,7 +51,7 @@ const Scanned& ScannedRoom() {
       patches.push_back(SeeFromCenter(SeeBoxRoom(room, camera, T_world_depth, kSigma_m, random), camera,
                                       T_world_depth, grid));
     }
-    Scanned s{room, grid, Fuse(patches, grid), {}, {}, {}, {}};
+    Scanned s{room, poses, grid, Fuse(patches, grid), {}, {}, {}, {}};
     s.nodes = MakeNodes(s.fused, grid, kNodeStep);
     FitPlanes(s.nodes);
     s.planes = GrowPlanes(s.nodes, {});
@@ -108,6 +110,61 @@ TEST(DenseSurface, LosesTheNoiseAndKeepsTheEdges) {
   // Within six pixels of an edge at most every eighth pixel is on the wrong side: it is displaced by less
   // than one.
   EXPECT_LT(edge_wrong, edge / 8) << edge;
+}
+
+// What the colour camera sees of the room: a grey block before brighter walls.
+cv::Mat3b PictureOf(const BoxRoom& room, const PinholeCamera& camera, const RigidTransform& T_world_color) {
+  cv::Mat3b picture(camera.height, camera.width);
+  for (int y = 0; y < picture.rows; ++y) {
+    for (int x = 0; x < picture.cols; ++x) {
+      const auto at = camera.Unproject({x, y});
+      const Eigen::Vector3d ray = T_world_color.linear() * at->homogeneous().normalized();
+      const Eigen::Vector3d hit =
+          T_world_color.translation() + room.Range(T_world_color.translation(), ray) * ray;
+      const bool block = room.block.exteriorDistance(hit) < 1e-6;
+      picture(y, x) = block ? cv::Vec3b(90, 90, 90) : cv::Vec3b(170, 180, 180);
+    }
+  }
+  return picture;
+}
+
+TEST(EdgePlacement, BringsTheBlocksEdgesToWhereThePicturesHaveThem) {
+  const Scanned& s = ScannedRoom();
+  PinholeCamera camera = BoxRoomRig().color;  // twice as fine
+  camera.width *= 2, camera.height *= 2, camera.fx *= 2, camera.fy *= 2;
+  camera.cx = 2 * (camera.cx + 0.5) - 0.5, camera.cy = 2 * (camera.cy + 0.5) - 0.5;
+  std::vector<PosedPicture> views;
+  for (const RigidTransform& T : s.poses) views.push_back({PictureOf(s.room, camera, T), T});
+  DenseSurface placed{s.dense.inverse_range.clone(), s.dense.node.clone()};
+  ASSERT_TRUE(PlaceEdges(s.mesh, camera, views, s.nodes, s.grid, placed));
+  auto wrong = [&](const DenseSurface& dense) {
+    int count = 0;
+    for (int y = 0; y < s.grid.height(); ++y) {
+      for (int x = s.grid.width() / 4; x < s.grid.width() * 3 / 4; ++x) {
+        const double truth = s.room.Range(s.grid.panorama().center, s.grid.Ray(x, y).cast<double>());
+        count += dense.inverse_range(y, x) > 0 && std::abs(1 / dense.inverse_range(y, x) - truth) > 0.15;
+      }
+    }
+    return count;
+  };
+  const int before = wrong(s.dense), after = wrong(placed);
+  EXPECT_GT(before, 80);
+  EXPECT_LT(after, before / 2) << before;
+}
+
+TEST(EdgePlacement, FollowsColourAndLeavesWhatHasNone) {
+  // A ragged edge in depth; the picture's edge is straight at column 40, or there is none.
+  cv::Mat1f depth(60, 80, 0.25f);
+  for (int y = 0; y < depth.rows; ++y) depth.row(y).colRange(0, 40 + (y / 3 % 3 - 1) * 3) = 0.5f;
+  cv::Mat3b picture(depth.size(), cv::Vec3b(60, 60, 160));
+  const cv::Mat3b plain = picture.clone();
+  picture.colRange(0, 40) = cv::Vec3b(120, 120, 120);
+  auto wrong = [](const cv::Mat1f& d) {
+    return cv::countNonZero(d.colRange(0, 40) < 0.4f) + cv::countNonZero(d.colRange(40, 80) > 0.4f);
+  };
+  EXPECT_GT(wrong(depth), 80);
+  EXPECT_LT(wrong(SnapToColor(picture, depth)), 8);
+  EXPECT_LE(wrong(SnapToColor(plain, depth)), wrong(depth));
 }
 
 TEST(SurfaceMesh, IsCutAtTheBlockAndTightElsewhere) {
