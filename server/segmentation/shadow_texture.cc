@@ -15,11 +15,16 @@
 #define MIXSTAGE_SHADOW_TEXTURE_ROW_
 namespace mixstage {
 
+// Darker against the room is no shadow but him: beside him, as in a gap between his legs, shadow is looked
+// for in what is left of the window.
+inline constexpr float kDarkestShadow = 0.3f;
+
 struct TextureRow {  // one row at half resolution in, every second pixel out
   const std::uint8_t* r;
   const std::uint8_t* g;
   const std::uint8_t* b;
   const float* room;
+  float* count;
   float* now;
   float* own_room;
   float* now_now;
@@ -35,9 +40,9 @@ namespace mixstage {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Adds a row's lumas and their products to `out` (first = 0) or on top of it (first = 1: keep); every second
-// column is enough, since the window that follows covers 6x6 of these pixels and neighbours are already means
-// of four samples.
+// Adds a row's lumas and their products, where it may be shadow, to `out` (first = 0) or on top of it (first
+// = 1: keep); every second column is enough, since the window that follows covers 6x6 of these pixels and
+// neighbours are already means of four samples.
 void AddProducts(const TextureRow& row, int width, float gain, float offset, float keep) {
   const hn::ScalableTag<float> d;
   const hn::Rebind<std::int32_t, decltype(d)> d32;
@@ -57,20 +62,28 @@ void AddProducts(const TextureRow& row, int width, float gain, float offset, flo
     hn::LoadInterleaved2(d, row.room + 2 * x, mean, unused);
     const auto room = hn::MulAdd(mean, hn::Set(d, gain), hn::Set(d, offset));
     const auto kept = hn::Set(d, keep);
-    hn::StoreU(hn::MulAdd(kept, hn::LoadU(d, row.now + x), now), d, row.now + x);
-    hn::StoreU(hn::MulAdd(kept, hn::LoadU(d, row.own_room + x), room), d, row.own_room + x);
-    hn::StoreU(hn::MulAdd(now, now, hn::Mul(kept, hn::LoadU(d, row.now_now + x))), d, row.now_now + x);
-    hn::StoreU(hn::MulAdd(now, room, hn::Mul(kept, hn::LoadU(d, row.now_room + x))), d, row.now_room + x);
-    hn::StoreU(hn::MulAdd(room, room, hn::Mul(kept, hn::LoadU(d, row.room_room + x))), d, row.room_room + x);
+    const auto may_be = hn::Gt(now, hn::Mul(hn::Set(d, kDarkestShadow), room));
+    const auto some_now = hn::IfThenElseZero(may_be, now), some_room = hn::IfThenElseZero(may_be, room);
+    const auto one = hn::IfThenElseZero(may_be, hn::Set(d, 1.0f));
+    hn::StoreU(hn::MulAdd(kept, hn::LoadU(d, row.count + x), one), d, row.count + x);
+    hn::StoreU(hn::MulAdd(kept, hn::LoadU(d, row.now + x), some_now), d, row.now + x);
+    hn::StoreU(hn::MulAdd(kept, hn::LoadU(d, row.own_room + x), some_room), d, row.own_room + x);
+    hn::StoreU(hn::MulAdd(now, some_now, hn::Mul(kept, hn::LoadU(d, row.now_now + x))), d, row.now_now + x);
+    hn::StoreU(hn::MulAdd(now, some_room, hn::Mul(kept, hn::LoadU(d, row.now_room + x))), d,
+               row.now_room + x);
+    hn::StoreU(hn::MulAdd(room, some_room, hn::Mul(kept, hn::LoadU(d, row.room_room + x))), d,
+               row.room_room + x);
   }
   for (; x < (width + 1) / 2; ++x) {
     const float now = 0.299f * row.r[2 * x] + 0.587f * row.g[2 * x] + 0.114f * row.b[2 * x];
     const float room = row.room[2 * x] * gain + offset;
-    row.now[x] = row.now[x] * keep + now;
-    row.own_room[x] = row.own_room[x] * keep + room;
-    row.now_now[x] = row.now_now[x] * keep + now * now;
-    row.now_room[x] = row.now_room[x] * keep + now * room;
-    row.room_room[x] = row.room_room[x] * keep + room * room;
+    const float one = now > kDarkestShadow * room ? 1.0f : 0.0f;
+    row.count[x] = row.count[x] * keep + one;
+    row.now[x] = row.now[x] * keep + one * now;
+    row.own_room[x] = row.own_room[x] * keep + one * room;
+    row.now_now[x] = row.now_now[x] * keep + one * now * now;
+    row.now_room[x] = row.now_room[x] * keep + one * now * room;
+    row.room_room[x] = row.room_room[x] * keep + one * room * room;
   }
 }
 
@@ -87,6 +100,8 @@ namespace {
 
 // Contrast kept, as shares of the brightness kept.
 constexpr float kLeastContrast = 0.3f, kMostContrast = 1.5f;
+// Pixels' sums in a window's mean, of two, from which it tells something.
+constexpr float kFewest = 0.7f;
 
 }  // namespace
 
@@ -94,7 +109,7 @@ void ShadowTexture::Run(const HalfPicture& picture, const BackgroundModel& model
                         cv::Mat1f* texture, cv::Mat1f* kept) {
   const int rows = Half(picture.height());
   const int columns = Half(picture.width());
-  for (cv::Mat1f* plane : {&now_, &room_, &now_now_, &now_room_, &room_room_}) {
+  for (cv::Mat1f* plane : {&count_, &now_, &room_, &now_now_, &now_room_, &room_room_}) {
     if (plane->rows == rows && plane->cols == columns) continue;
     plane->create(rows, columns);
     plane->setTo(0);
@@ -107,6 +122,7 @@ void ShadowTexture::Run(const HalfPicture& picture, const BackgroundModel& model
                               picture.g.ptr<std::uint8_t>(from),
                               picture.b.ptr<std::uint8_t>(from),
                               model.mean_luma.ptr<float>(from),
+                              count_.ptr<float>(y),
                               now_.ptr<float>(y),
                               room_.ptr<float>(y),
                               now_now_.ptr<float>(y),
@@ -117,18 +133,20 @@ void ShadowTexture::Run(const HalfPicture& picture, const BackgroundModel& model
       (row, picture.width(), tone.luma_gain(), tone.luma_offset(), static_cast<float>(k));
     }
   }
-  for (cv::Mat1f* plane : {&now_, &room_, &now_now_, &now_room_, &room_room_}) MeanOf3x3(plane);
+  for (cv::Mat1f* plane : {&count_, &now_, &room_, &now_now_, &now_room_, &room_room_}) MeanOf3x3(plane);
   for (int y = 0; y < rows; ++y) {
     const float* now_now = now_now_.ptr<float>(y);
     const float* now_room = now_room_.ptr<float>(y);
     const float* room_room = room_room_.ptr<float>(y);
     const float* noise = model.texture_noise.ptr<float>(y);
+    const float* count = count_.ptr<float>(y);
     float* __restrict out = texture->ptr<float>(y);
     for (int x = 0; x < columns; ++x) {
       const float s = now_room[x] / std::max(room_room[x], 1.0f);
-      const float residual = std::max(now_now[x] - s * now_room[x], 0.0f);
+      const float scale = 2 / std::max(count[x], kFewest);  // the planes hold two pixels' sums
+      const float residual = scale * std::max(now_now[x] - s * now_room[x], 0.0f);
       // JPEG and penumbrae add a few per cent of the texture's own contrast.
-      const float expected = noise[x] + 0.0036f * s * s * room_room[x] + 2.0f;
+      const float expected = noise[x] + 0.0036f * s * s * scale * room_room[x] + 2.0f;
       out[x] = 0.8f * std::clamp(residual / expected - 1.0f, 0.0f, 6.0f);
     }
   }
@@ -141,7 +159,7 @@ void ShadowTexture::Run(const HalfPicture& picture, const BackgroundModel& model
 // The picture's luma as a line of the room's, over a wider window: what the line explains beside what it
 // leaves.
 void ShadowTexture::Compare(const BackgroundModel& model, cv::Mat1f* kept) {
-  for (cv::Mat1f* plane : {&now_, &room_, &now_now_, &now_room_, &room_room_}) MeanOf3x3(plane);
+  for (cv::Mat1f* plane : {&count_, &now_, &room_, &now_now_, &now_room_, &room_room_}) MeanOf3x3(plane);
   kept->create(now_.size());
   for (int y = 0; y < now_.rows; ++y) {
     const float* now = now_.ptr<float>(y);
@@ -150,19 +168,20 @@ void ShadowTexture::Compare(const BackgroundModel& model, cv::Mat1f* kept) {
     const float* now_room = now_room_.ptr<float>(y);
     const float* room_room = room_room_.ptr<float>(y);
     const float* noise = model.texture_noise.ptr<float>(y);
+    const float* count = count_.ptr<float>(y);
     float* __restrict out = kept->ptr<float>(y);
     for (int x = 0; x < now_.cols; ++x) {
-      // The planes hold two pixels' sums.
-      const float common = 0.5f * now_room[x] - 0.25f * now[x] * room[x];
-      const float room_variance = std::max(0.5f * room_room[x] - 0.25f * room[x] * room[x], 1e-3f);
-      const float now_variance = 0.5f * now_now[x] - 0.25f * now[x] * now[x];
+      const float each = 1 / std::max(count[x], 1e-3f);
+      const float common = each * now_room[x] - each * each * now[x] * room[x];
+      const float room_variance = std::max(each * room_room[x] - each * each * room[x] * room[x], 1e-3f);
+      const float now_variance = each * now_now[x] - each * each * now[x] * now[x];
       const float slope = common / room_variance;
       const float explained = slope * common;
       const float left = std::max(now_variance - explained, 0.0f) + 0.5f * noise[x] + 1.0f;
       // Light scales brightness and contrast alike; a reflection adds some of the one.
       const float contrast = slope * room[x];
       const bool alike = (contrast > kLeastContrast * now[x]) & (contrast < kMostContrast * now[x]);
-      out[x] = alike ? explained / left : 0.0f;
+      out[x] = alike & (count[x] > kFewest) ? explained / left : 0.0f;
     }
   }
 }

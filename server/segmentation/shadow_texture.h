@@ -24,7 +24,8 @@ class ShadowTexture {
  private:
   void Compare(const BackgroundModel& model, cv::Mat1f* kept);
 
-  cv::Mat1f now_, room_, now_now_, now_room_, room_room_;  // windowed means of luma and its products
+  // windowed means of luma and its products where it may be shadow, and of how many there are
+  cv::Mat1f count_, now_, room_, now_now_, now_room_, room_room_;
 };
 
 }  // namespace mixstage
