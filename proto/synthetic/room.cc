@@ -140,6 +140,9 @@ Room::Found MeetShell(const Ray& ray) {
   offer(1, plan::kRightY, 1, Surface::kWallRight);
   offer(1, plan::kLeftY, -1, Surface::kWallLeft);
   const Vector3d p = ray.origin + found.range_m * ray.direction;
+  if (found.surface == Surface::kCeiling && std::abs(p.x() - plan::kSoftboxX) < plan::kSoftboxHalf &&
+      std::abs(p.y() - plan::kSoftboxY) < plan::kSoftboxHalf)
+    found.surface = Surface::kSoftbox;
   const bool through_window = found.surface == Surface::kWallLeft && p.x() > plan::kWindowX0 &&
                               p.x() < plan::kWindowX1 && p.z() > plan::kWindowZ0 && p.z() < plan::kWindowZ1;
   if (through_window || ray.origin.y() > plan::kLeftY) {

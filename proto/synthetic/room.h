@@ -21,6 +21,7 @@ enum class Surface : std::uint8_t {
   kWallRight,
   kWallFront,
   kCeiling,
+  kSoftbox,  // the shining face of the light under the ceiling
   kPane,   // the window's glass with the day behind it
   kPaint,  // plain: the solid's own colour
   kOak,

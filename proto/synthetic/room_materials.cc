@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "proto/synthetic/room.h"
+#include "proto/synthetic/room_light.h"
 #include "proto/synthetic/room_plan.h"
 #include "proto/synthetic/texture.h"
 
@@ -150,6 +151,9 @@ RoomMaterial Room::PlainMaterial(const Found& found) const {
       break;
     case Surface::kPane:
       break;  // its light is a lamp's: counted by sampling it
+    case Surface::kSoftbox:
+      m.albedo = Vector3f::Constant(0.76f);
+      break;
     case Surface::kLampShade:
       m.albedo = solids_[static_cast<std::size_t>(found.solid)].color;
       break;
@@ -175,6 +179,9 @@ RoomMaterial Room::MaterialAt(const Found& found, const Vector3d& p) const {
     case Surface::kPane:
       m.emission = Outside(p);
       m.gloss = 0;
+      break;
+    case Surface::kSoftbox:
+      m.emission = SoftboxLight().radiance;
       break;
     case Surface::kOak: {
       const Solid& s = solids_[static_cast<std::size_t>(found.solid)];

@@ -249,6 +249,8 @@ class PlateRenderer {
     Vector3f seen;
     if (there.surface == Surface::kPane || there.surface == Surface::kLampShade) {
       seen = 1.7f * room_.MaterialAt(there, q).emission;
+    } else if (there.surface == Surface::kSoftbox) {
+      seen = light_.softbox().radiance;
     } else {
       seen = light_.Seen(mirrored, seed);
     }

@@ -2,6 +2,7 @@
 #include "server/app/scan.h"
 
 #include <openssl/evp.h>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <fstream>
@@ -118,6 +119,30 @@ cv::Mat3b CoverageMap(const cv::Mat1b& measured_by) {
   return map;
 }
 
+// Every lamp's outline in the panorama, with its name.
+void OutlineLamps(const Environment& e, cv::Mat& panorama) {
+  const double size = panorama.cols / 1400.0;
+  const int line = std::max(1, static_cast<int>(std::lround(2 * size)));
+  const cv::Scalar color(0, 220, 255);
+  for (const RoomLamp& lamp : e.lamps) {
+    std::vector<cv::Point> outline;  // straight edges bend in a panorama
+    constexpr int kPieces = 16;      // of each
+    const std::array<Eigen::Vector2d, 4> corners = {{{-0.5, -0.5}, {0.5, -0.5}, {0.5, 0.5}, {-0.5, 0.5}}};
+    for (int i = 0; i < 4 * kPieces; ++i) {
+      const Eigen::Vector2d from = corners[static_cast<std::size_t>(i / kPieces)];
+      const Eigen::Vector2d to = corners[static_cast<std::size_t>(i / kPieces + 1) % 4];
+      const Eigen::Vector2d at = from + (i % kPieces) * (to - from) / kPieces;
+      const Eigen::Vector3d point = lamp.center + at.x() * lamp.edge_u + at.y() * lamp.edge_v;
+      if (const auto pixel = e.panorama.Pixel(point - e.panorama.center))
+        outline.emplace_back(cv::saturate_cast<int>(pixel->x()), cv::saturate_cast<int>(pixel->y()));
+    }
+    if (outline.empty()) continue;
+    cv::polylines(panorama, outline, true, color, line, cv::LINE_AA);
+    cv::putText(panorama, lamp.name, outline.back() + cv::Point(0, static_cast<int>(24 * size)),
+                cv::FONT_HERSHEY_SIMPLEX, 0.7 * size, color, line, cv::LINE_AA);
+  }
+}
+
 std::string HtmlOf(const ScanResult& scan) {
   const Environment& e = scan.scanned.environment;
   const ScanReport& r = scan.report;
@@ -126,6 +151,7 @@ std::string HtmlOf(const ScanResult& scan) {
   cv::applyColorMap(range, colored, cv::COLORMAP_TURBO);
   colored.setTo(cv::Scalar(0, 0, 0), scan.scanned.pictures.range_mm == 0);
   cv::cvtColor(scan.scanned.pictures.color_bgra, color, cv::COLOR_BGRA2BGR);
+  OutlineLamps(e, color);
   std::string html =
       "<!doctype html><meta charset=\"utf-8\"><title>MixStage: scan</title>\n<style>body{font:15px "
       "sans-serif;max-width:"
@@ -145,8 +171,8 @@ std::string HtmlOf(const ScanResult& scan) {
   for (const std::string& w : r.warnings) html += Row({"", "warning", w});
   if (r.left_out.empty() && r.notes.empty() && r.warnings.empty() && r.failed_gates.empty())
     html += Row({"nothing"});
-  html += "</table>\n<h2>Colour</h2>\n" + Inline(color) + "\n<h2>Range, black: not known; red: 8 m</h2>\n" +
-          Inline(colored) +
+  html += "</table>\n<h2>Colour, lamps outlined</h2>\n" + Inline(color) +
+          "\n<h2>Range, black: not known; red: 8 m</h2>\n" + Inline(colored) +
           "\n<h2>Coverage: views that measured range, one to four and more; red: filled in; black: not "
           "swept</h2>\n" +
           Inline(CoverageMap(r.measured_by));

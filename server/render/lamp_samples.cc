@@ -8,7 +8,7 @@ namespace mixstage {
 namespace {
 
 // Cells are no smaller: their shadows already run into each other.
-constexpr double kFinest_m = 0.2;
+constexpr double kFinest_m = 0.25;
 constexpr double kCoarser = 1.2;
 
 int Cells(double side_m, double cell_m) {
