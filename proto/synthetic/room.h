@@ -22,8 +22,8 @@ enum class Surface : std::uint8_t {
   kWallFront,
   kCeiling,
   kSoftbox,  // the shining face of the light under the ceiling
-  kPane,   // the window's glass with the day behind it
-  kPaint,  // plain: the solid's own colour
+  kPane,     // the window's glass with the day behind it
+  kPaint,    // plain: the solid's own colour
   kOak,
   kWalnut,
   kDoors,  // the sideboard's front
