@@ -10,6 +10,7 @@
 #include "proto/base/log.h"
 #include "server/depth/floor_pose.h"
 #include "server/segmentation/actor_stance.h"
+#include "server/segmentation/nearest_depth.h"
 
 namespace mixstage {
 namespace {
@@ -66,28 +67,16 @@ void FillUnknown(const cv::Mat1b& known, cv::Mat3b& picture) {
   }
 }
 
-// What the depth camera left out (the strip at silhouettes, dark hair) has the depth of the nearest pixel
-// that is known: half of a strip belongs to each side of it.
+// Holes no wider than they come from a silhouette or dark hair.
 void FillHoles(cv::Mat1f& depth_m) {
   const cv::Size half((depth_m.cols + 1) / 2, (depth_m.rows + 1) / 2);
-  cv::Mat1f small;
+  cv::Mat1f small, nearest_m, distance_px;
   cv::resize(depth_m, small, half, 0, 0, cv::INTER_NEAREST);
-  cv::Mat1b unknown;
-  cv::compare(small, 0, unknown, cv::CMP_EQ);
-  if (cv::countNonZero(unknown) == static_cast<int>(unknown.total())) return;
-  cv::Mat1f distance;
-  cv::Mat1i nearest;
-  cv::distanceTransform(unknown, distance, nearest, cv::DIST_L2, 3, cv::DIST_LABEL_PIXEL);
-  std::vector<float> depth_of(unknown.total() + 1, 0.0f);
-  for (int y = 0; y < small.rows; ++y) {
-    for (int x = 0; x < small.cols; ++x) {
-      if (small(y, x) > 0) depth_of[static_cast<std::size_t>(nearest(y, x))] = small(y, x);
-    }
-  }
+  if (!FindNearestDepth(small, &nearest_m, &distance_px)) return;
   for (int y = 0; y < depth_m.rows; ++y) {
     for (int x = 0; x < depth_m.cols; ++x) {
-      if (depth_m(y, x) == 0 && distance(y / 2, x / 2) <= kWidestHole)
-        depth_m(y, x) = depth_of[static_cast<std::size_t>(nearest(y / 2, x / 2))];
+      if (depth_m(y, x) == 0 && distance_px(y / 2, x / 2) <= kWidestHole)
+        depth_m(y, x) = nearest_m(y / 2, x / 2);
     }
   }
 }

@@ -15,6 +15,8 @@
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
 #include <hwy/highway.h>
 
+#include "server/segmentation/bytes-inl.h"
+
 #ifndef MIXSTAGE_COLOR_EVIDENCE_ROW_
 #define MIXSTAGE_COLOR_EVIDENCE_ROW_
 namespace mixstage {
@@ -39,22 +41,6 @@ namespace mixstage {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-template <class D, class V = hn::Vec<D>>
-HWY_INLINE V Load(D d, const std::uint8_t* from) {
-  const hn::Rebind<std::uint8_t, D> d8;
-  const hn::Rebind<std::int32_t, D> d32;
-  return hn::ConvertTo(d, hn::PromoteTo(d32, hn::LoadU(d8, from)));
-}
-
-template <class D, class V = hn::Vec<D>>
-HWY_INLINE void StoreEvidence(D d, V log_odds, std::uint8_t* to) {
-  const hn::Rebind<std::uint8_t, D> d8;
-  const auto scaled =
-      hn::MulAdd(log_odds, hn::Set(d, 1.0f / kEvidencePerByte), hn::Set(d, kNoEvidence + 0.5f));
-  const auto clamped = hn::Min(hn::Max(scaled, hn::Zero(d)), hn::Set(d, 255.0f));
-  hn::StoreU(hn::DemoteTo(d8, hn::ConvertTo(hn::Rebind<std::int32_t, D>(), clamped)), d8, to);
-}
-
 template <class D>
 HWY_INLINE void EvidenceAt(D d, const ColorRow& row, std::size_t x, const ToneChange& tone,
                            const ShadowConfig& config) {
@@ -65,7 +51,7 @@ HWY_INLINE void EvidenceAt(D d, const ColorRow& row, std::size_t x, const ToneCh
   hn::Mask<D> above[3];
   V D_t = zero, along = zero, length = zero;
   for (std::size_t c = 0; c < 3; ++c) {
-    I_t[c] = Load(d, row.picture[c] + x);
+    I_t[c] = LoadByte(d, row.picture[c] + x);
     const V mean = hn::LoadU(d, row.mean[c] + x);
     const float grown = tone.gain[c] > 1 ? tone.gain[c] * tone.gain[c] : 1.0f;
     const V moved_mean = hn::MulAdd(hn::Set(d, tone.gain[c]), mean, hn::Set(d, tone.offset[c]));
@@ -90,10 +76,9 @@ HWY_INLINE void EvidenceAt(D d, const ColorRow& row, std::size_t x, const ToneCh
     length = hn::MulAdd(I_m[c], weighted, length);
   }
   const V farthest = hn::Set(d, kFarthest);
-  const V own =
-      hn::Mul(hn::Sub(Load(d, row.actor + x), hn::Set(d, kNoEvidence)), hn::Set(d, kEvidencePerByte));
+  const V own = LoadLogOdds(d, row.actor + x);
   const V peak = hn::Add(hn::LoadU(d, row.log_peak_room + x), own);
-  StoreEvidence(d, hn::MulAdd(hn::Set(d, kColorTail), hn::Min(D_t, farthest), peak), row.room + x);
+  StoreLogOdds(d, hn::MulAdd(hn::Set(d, kColorTail), hn::Min(D_t, farthest), peak), row.room + x);
 
   const V s = hn::Div(along, hn::Max(length, hn::Set(d, 1e-3f)));
   const V tolerance = hn::Mul(hn::Set(d, config.chroma_tolerance), hn::Sub(one, s));
@@ -113,8 +98,8 @@ HWY_INLINE void EvidenceAt(D d, const ColorRow& row, std::size_t x, const ToneCh
   const V bright = hn::Mul(hn::Set(d, kBrighterCost), hn::Max(hn::Sub(s, hn::Set(d, kBrighter)), zero));
   const V shadow_peak = hn::Add(hn::LoadU(d, row.log_peak_shadow + x), own);
   const V likelihood = hn::MulAdd(hn::Set(d, kShadowTail), hn::Min(chroma, farthest), shadow_peak);
-  StoreEvidence(d, hn::Add(hn::Add(likelihood, hn::Add(dark, bright)), hn::LoadU(d, row.texture + x)),
-                row.shadow + x);
+  StoreLogOdds(d, hn::Add(hn::Add(likelihood, hn::Add(dark, bright)), hn::LoadU(d, row.texture + x)),
+               row.shadow + x);
 }
 
 void EvidenceRow(const ColorRow& row, std::size_t width, const ToneChange& tone, const ShadowConfig& config) {

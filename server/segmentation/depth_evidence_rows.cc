@@ -6,6 +6,8 @@
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
 #include <hwy/highway.h>
 
+#include "server/segmentation/bytes-inl.h"
+
 HWY_BEFORE_NAMESPACE();
 namespace mixstage {
 namespace HWY_NAMESPACE {
@@ -38,8 +40,6 @@ HWY_INLINE void WeighAt(D d, const DepthRow& row, int x, const DepthEvidenceConf
 template <class D>
 HWY_INLINE void DecideAt(D d, const float* weight, const float* weighted, int x, float* log_odds,
                          std::uint8_t* front, std::uint8_t* room) {
-  const hn::Rebind<std::int32_t, D> d32;
-  const hn::Rebind<std::uint8_t, D> d8;
   const auto w = hn::Max(hn::LoadU(d, weight + x), hn::Zero(d));
   const auto mean = hn::Div(hn::LoadU(d, weighted + x), hn::Max(w, hn::Set(d, 0.05f)));
   const auto result = hn::Mul(mean, hn::Min(hn::Mul(w, hn::Set(d, 1 / kMeasured)), hn::Set(d, 1.0f)));
@@ -47,17 +47,14 @@ HWY_INLINE void DecideAt(D d, const float* weight, const float* weighted, int x,
   const auto full = hn::Set(d, 255.0f);
   const auto is_front = hn::IfThenElseZero(hn::Gt(result, hn::Set(d, kFront)), full);
   const auto is_room = hn::IfThenElseZero(hn::Lt(result, hn::Set(d, kRoom)), full);
-  hn::StoreU(hn::DemoteTo(d8, hn::ConvertTo(d32, is_front)), d8, front + x);
-  hn::StoreU(hn::DemoteTo(d8, hn::ConvertTo(d32, is_room)), d8, room + x);
+  StoreByte(d, is_front, front + x);
+  StoreByte(d, is_room, room + x);
 }
 
 template <class D>
 HWY_INLINE void TrustAt(D d, const std::uint8_t* front, const std::uint8_t* room, int x, float edge_weight,
                         float* log_odds, float* inside) {
-  const hn::Rebind<std::int32_t, D> d32;
-  const hn::Rebind<std::uint8_t, D> d8;
-  const auto in_front = hn::ConvertTo(d, hn::PromoteTo(d32, hn::LoadU(d8, front + x)));
-  const auto is_room = hn::ConvertTo(d, hn::PromoteTo(d32, hn::LoadU(d8, room + x)));
+  const auto in_front = LoadByte(d, front + x), is_room = LoadByte(d, room + x);
   const auto own = hn::LoadU(d, log_odds + x);
   const auto agree = hn::IfThenElse(hn::Gt(own, hn::Zero(d)), in_front, is_room);
   // What is not known may be a gap between his legs: it speaks against "in front", not against "the room".

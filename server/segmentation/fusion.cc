@@ -11,6 +11,8 @@
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
 #include <hwy/highway.h>
 
+#include "server/segmentation/bytes-inl.h"
+
 #ifndef MIXSTAGE_FUSION_ROW_
 #define MIXSTAGE_FUSION_ROW_
 namespace mixstage {
@@ -43,18 +45,6 @@ namespace mixstage {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-template <class D, class V = hn::Vec<D>>
-HWY_INLINE V LoadByte(D d, const std::uint8_t* from) {
-  const hn::Rebind<std::uint8_t, D> d8;
-  const hn::Rebind<std::int32_t, D> d32;
-  return hn::ConvertTo(d, hn::PromoteTo(d32, hn::LoadU(d8, from)));
-}
-
-template <class D, class V = hn::Vec<D>>
-HWY_INLINE V LoadLogOdds(D d, const std::uint8_t* from) {
-  return hn::Mul(hn::Sub(LoadByte(d, from), hn::Set(d, kNoEvidence)), hn::Set(d, kEvidencePerByte));
-}
-
 template <class D>
 HWY_INLINE void FuseAt(D d, const FusionRow& row, std::size_t x) {
   const auto zero = hn::Zero(d);
@@ -77,11 +67,7 @@ HWY_INLINE void FuseAt(D d, const FusionRow& row, std::size_t x) {
   const auto not_room = hn::IfThenElse(hn::Lt(other, zero), hn::Mul(other, outside), other);
   const auto color = hn::IfThenElse(hn::Lt(room, zero), is_room, not_room);
   const auto sum = hn::Add(hn::Add(color, LoadLogOdds(d, row.depth + x)), hn::Set(d, row.actor_prior));
-
-  const auto scaled = hn::MulAdd(sum, hn::Set(d, 1 / kEvidencePerByte), hn::Set(d, kNoEvidence + 0.5f));
-  const auto clamped = hn::Min(hn::Max(scaled, zero), hn::Set(d, 255.0f));
-  const hn::Rebind<std::uint8_t, D> d8;
-  hn::StoreU(hn::DemoteTo(d8, hn::ConvertTo(hn::Rebind<std::int32_t, D>(), clamped)), d8, row.evidence + x);
+  StoreLogOdds(d, sum, row.evidence + x);
 }
 
 void FuseRow(const FusionRow& row, std::size_t width) {

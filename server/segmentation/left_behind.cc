@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "proto/base/check.h"
+#include "server/segmentation/nearest_depth.h"
 
 namespace mixstage {
 namespace {
@@ -41,31 +42,6 @@ float MedianOf(const cv::Mat1f& plane) {
 }
 
 tl::unexpected<Error> Refuse(const char* sentence) { return Fail(ErrorCode::kBadInput, sentence); }
-
-// Every unknown pixel of the thing gets the depth of the nearest known one.
-void FillDepth(const cv::Mat1b& mask, cv::Mat1f* depth_m) {
-  cv::Mat1b unknown;
-  cv::compare(*depth_m, 0, unknown, cv::CMP_LE);
-  if (cv::countNonZero(unknown) == static_cast<int>(unknown.total())) return;
-  cv::Mat1f distance;
-  cv::Mat1i nearest;
-  cv::distanceTransform(unknown, distance, nearest, cv::DIST_L2, cv::DIST_MASK_5, cv::DIST_LABEL_PIXEL);
-  std::vector<float> depth_of;  // by label
-  for (int y = 0; y < mask.rows; ++y) {
-    for (int x = 0; x < mask.cols; ++x) {
-      if (unknown(y, x) != 0) continue;
-      const auto label = static_cast<std::size_t>(nearest(y, x));
-      if (depth_of.size() <= label) depth_of.resize(label + 1);
-      depth_of[label] = (*depth_m)(y, x);
-    }
-  }
-  for (int y = 0; y < mask.rows; ++y) {
-    for (int x = 0; x < mask.cols; ++x) {
-      if (unknown(y, x) != 0 && mask(y, x) != 0)
-        (*depth_m)(y, x) = depth_of[static_cast<std::size_t>(nearest(y, x))];
-    }
-  }
-}
 
 // The still pixels that hang together with one at or near `at`.
 std::vector<cv::Point> Grow(const cv::Mat1b& still, const cv::Mat1f& depth_m, cv::Point at) {
@@ -219,7 +195,9 @@ Result<std::shared_ptr<const AdoptedThing>> LeftBehind::Decide(const BackgroundM
   }
   depth_m.setTo(0, own == 0);
   thing->depth_m = depth_m(thing->box).clone();
-  if (!depth_spreads.empty()) FillDepth(own(thing->box), &thing->depth_m);
+  cv::Mat1f nearest_m, distance_px;
+  if (!depth_spreads.empty() && FindNearestDepth(thing->depth_m, &nearest_m, &distance_px))
+    nearest_m.copyTo(thing->depth_m, own(thing->box));
   thing->depth_sigma_m = std::max(kLeastDepthSigma_m, std::sqrt(Median(std::move(depth_spreads))));
   return std::shared_ptr<const AdoptedThing>(std::move(thing));
 }

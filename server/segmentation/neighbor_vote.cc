@@ -15,6 +15,8 @@
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
 #include <hwy/highway.h>
 
+#include "server/segmentation/bytes-inl.h"
+
 #ifndef MIXSTAGE_NEIGHBOR_VOTE_ROW_
 #define MIXSTAGE_NEIGHBOR_VOTE_ROW_
 namespace mixstage {
@@ -50,13 +52,6 @@ HWY_BEFORE_NAMESPACE();
 namespace mixstage {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
-
-template <class D, class V = hn::Vec<D>>
-HWY_INLINE V LoadByte(D d, const std::uint8_t* from) {
-  const hn::Rebind<std::uint8_t, D> d8;
-  const hn::Rebind<std::int32_t, D> d32;
-  return hn::ConvertTo(d, hn::PromoteTo(d32, hn::LoadU(d8, from)));
-}
 
 template <class D>
 HWY_INLINE void LightAt(D d, const EdgeRow& row, std::size_t x, float* light) {
@@ -123,8 +118,7 @@ void HandOnRow(const float* HWY_RESTRICT from, const float* HWY_RESTRICT keep, i
 
 void LoadVotes(const std::uint8_t* HWY_RESTRICT evidence, std::size_t width, float* HWY_RESTRICT vote) {
   ForRow(width, [&](auto d, std::size_t x) HWY_ATTR {
-    const auto own =
-        hn::Mul(hn::Sub(LoadByte(d, evidence + x), hn::Set(d, kNoEvidence)), hn::Set(d, kEvidencePerByte));
+    const auto own = LoadLogOdds(d, evidence + x);
     hn::StoreU(hn::Min(hn::Max(own, hn::Set(d, -kClear)), hn::Set(d, kClear)), d, vote + x);
   });
 }
@@ -132,14 +126,11 @@ void LoadVotes(const std::uint8_t* HWY_RESTRICT evidence, std::size_t width, flo
 void DecideRow(const std::uint8_t* HWY_RESTRICT evidence, const float* HWY_RESTRICT vote, float own_weight,
                std::size_t width, std::uint8_t* HWY_RESTRICT decision) {
   ForRow(width, [&](auto d, std::size_t x) HWY_ATTR {
-    const hn::Rebind<std::int32_t, decltype(d)> d32;
-    const hn::Rebind<std::uint8_t, decltype(d)> d8;
     const auto own = hn::Sub(LoadByte(d, evidence + x), hn::Set(d, kNoEvidence));
     const auto mean =
         hn::MulAdd(hn::LoadU(d, vote + x), hn::Set(d, 1 / kEvidencePerByte), hn::Set(d, kNoEvidence + 0.5f));
     const auto sum = hn::MulAdd(own, hn::Set(d, own_weight), mean);
-    const auto byte = hn::Min(hn::Max(sum, hn::Zero(d)), hn::Set(d, 255.0f));
-    hn::StoreU(hn::DemoteTo(d8, hn::ConvertTo(d32, byte)), d8, decision + x);
+    StoreByte(d, sum, decision + x);
   });
 }
 
