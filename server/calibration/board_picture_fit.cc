@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "proto/base/median.h"
+
 #include "server/calibration/blurred_pattern.h"
 #include "server/calibration/lens_jacobian.h"
 
@@ -31,12 +33,6 @@ Eigen::Matrix3d RightJacobian(const Eigen::Vector3d& w) {
   if (a < 1e-6) return Eigen::Matrix3d::Identity() - 0.5 * W;
   return Eigen::Matrix3d::Identity() - (1 - std::cos(a)) / (a * a) * W +
          (a - std::sin(a)) / (a * a * a) * W * W;
-}
-
-double Median(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 PoseNumbers PoseAt(const double* numbers) {

@@ -11,6 +11,8 @@
 #include <deque>
 #include <map>
 
+#include "proto/base/median.h"
+
 #include "server/calibration/hand_eye_residuals.h"
 
 namespace mixstage {
@@ -55,12 +57,6 @@ struct Blocks {
 
 RigidTransform Transform(const Rigid<double>& rigid) {
   return RigidTransform(Eigen::Translation3d(rigid.t) * rigid.q.normalized());
-}
-
-double Median(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 // One solution at the present noise; afterwards covariance of everything, noise of pixels and of encoders.

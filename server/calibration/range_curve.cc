@@ -8,6 +8,8 @@
 #include <map>
 #include <numbers>
 
+#include "proto/base/median.h"
+
 namespace mixstage {
 namespace {
 
@@ -107,15 +109,9 @@ double Darkness(double amplitude, double median_amplitude) {
   return std::log10(median_amplitude / amplitude);
 }
 
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 // Mean of what lies within five sigma of the median.
 double TrimmedMean(const std::vector<double>& values) {
-  const double middle = Median(values);
+  const double middle = Median(std::vector(values));
   std::vector<double> sizes;
   for (double v : values) sizes.push_back(std::abs(v - middle));
   const double limit = 5 * 1.4826 * Median(sizes);
@@ -247,7 +243,7 @@ Result<RangeCurve> FitRangeCurve(const std::vector<RangeSample>& samples,
   curve.to_m = ranges[ranges.size() - 1 - ranges.size() / 200];
   if (curve.to_m - curve.from_m < 0.3)
     return Fail(ErrorCode::kQualityGate, "all boards stand at nearly the same distance from the ToF camera");
-  const double median_amplitude = Median(amplitudes);
+  const double median_amplitude = Median(std::vector(amplitudes));
 
   const Spline spline(curve.from_m, curve.to_m);
   const Fit by_spline = Solve(samples, spline, median_amplitude);

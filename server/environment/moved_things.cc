@@ -5,6 +5,8 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "proto/base/median.h"
+
 namespace mixstage {
 namespace {
 
@@ -64,9 +66,7 @@ void AddThings(const PanoramaPatch& patch, std::size_t view, const FusedDepth& f
     thing.view = view;
     for (const auto& dot : thing.dots)
       thing.at += dot[0].cast<double>() / static_cast<double>(thing.dots.size());
-    const auto middle = steps_m[n].begin() + static_cast<std::ptrdiff_t>(steps_m[n].size() / 2);
-    std::nth_element(steps_m[n].begin(), middle, steps_m[n].end());
-    thing.nearer_m = *middle;
+    thing.nearer_m = Median(steps_m[n]);
     out.push_back(std::move(thing));
   }
 }

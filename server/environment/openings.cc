@@ -7,6 +7,7 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
+#include "proto/base/median.h"
 #include "proto/base/text.h"
 
 namespace mixstage {
@@ -53,7 +54,7 @@ class Finder {
       }
       if (o.area_m2 < kLeastArea_m2 || Framed(mask, plane) < kFramed) return;
       o.at /= static_cast<double>(part.size());
-      o.behind_m = Middle(depths);
+      o.behind_m = Median(depths);
       o.kind = ShowsTheRoom(part, plane) ? Opening::Kind::kMirror : Opening::Kind::kBehind;
       out.push_back(o);
     });
@@ -71,7 +72,7 @@ class Finder {
       });
       // The sweep's rim, where the colour camera looks farther than the depth camera, is none.
       if (static_cast<double>(ranges.size()) <= kFramed * around) return;
-      const double range = Middle(ranges);
+      const double range = Median(ranges);
       Opening o;
       for (const cv::Point& p : part) AddPatch(Index(p.x, p.y), range, 1, o);
       if (o.area_m2 < kLeastArea_m2) return;
@@ -84,12 +85,6 @@ class Finder {
   [[nodiscard]] std::size_t Index(int x, int y) const { return static_cast<std::size_t>(n_.At(x, y)); }
   [[nodiscard]] Eigen::Vector3d Ray(std::size_t i) const { return n_.ray[i].cast<double>(); }
   [[nodiscard]] cv::Mat1b Mask() const { return cv::Mat1b(n_.height, n_.width, std::uint8_t{0}); }
-
-  static double Middle(std::vector<double>& values) {
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-  }
 
   // A node's patch of a surface at `range` that is seen with this cosine.
   void AddPatch(std::size_t i, double range, double cosine, Opening& o) const {

@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "proto/base/check.h"
+#include "proto/base/median.h"
 
 namespace mixstage {
 namespace {
@@ -25,12 +26,6 @@ float Reported(std::uint16_t count, const RangeCamera& camera) {
 
 float Modular(float difference, float wrap_m) {
   return wrap_m > 0 ? difference - wrap_m * std::round(difference / wrap_m) : difference;
-}
-
-double Median(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 // Pairs of a class's place x (amplitude or range) and its sigma; few samples do not make a class.

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "proto/base/check.h"
+#include "proto/base/median.h"
 #include "server/segmentation/half_picture.h"
 
 namespace mixstage {
@@ -18,12 +19,6 @@ constexpr double kLeastSlimness = 2;   // length of the cloud over its width
 constexpr double kSoleShare = 0.01;    // of the points lie lower than the soles: noise
 constexpr double kLeastUpright = 0.5;  // cosine between the axis and the picture's up
 constexpr int kBorder = 2;             // half-size pixels
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 }  // namespace
 
@@ -120,7 +115,7 @@ void ActorStance::See(ImageView<const float> actor_depth_m) {
       along.begin() + static_cast<std::ptrdiff_t>(kSoleShare * static_cast<double>(along.size()));
   std::nth_element(along.begin(), sole, along.end());
   heights_m_.push_back(-*sole);
-  T_world_color_ = PoseOver(up, Median(heights_m_));
+  T_world_color_ = PoseOver(up, Median(std::vector(heights_m_)));
 }
 
 }  // namespace mixstage

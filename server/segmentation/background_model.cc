@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "proto/base/check.h"
+#include "proto/base/median.h"
 
 namespace mixstage {
 namespace {
@@ -23,12 +24,6 @@ constexpr int kLevels = 16;
 // Floor of a depth measurement: 3 mm, and disparity sensors' steps that grow with z squared.
 constexpr float kLeastDepthSigma_m = 0.003f;
 constexpr float kDepthSigmaPerMetre = 0.0015f;  // times z squared
-
-float Median(std::vector<float>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // Noise that a single picture shows in itself (Immerkaer): needed where one or two frames have no spread to
 // measure.

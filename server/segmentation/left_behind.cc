@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "proto/base/check.h"
+#include "proto/base/median.h"
 #include "server/segmentation/nearest_depth.h"
 
 namespace mixstage {
@@ -26,19 +27,12 @@ constexpr float kLeastDepthSigma_m = 0.004f;
 constexpr float kHidden = 0.97f;  // of the thing's distance: the room stands before it
 constexpr int kTurns = 4;         // of the search for where a pixel's ray meets the thing
 
-float Median(std::vector<float> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 float MedianOf(const cv::Mat1f& plane) {
   std::vector<float> values;
   for (int y = 0; y < plane.rows; y += 2) {
     for (int x = 0; x < plane.cols; x += 2) values.push_back(plane(y, x));
   }
-  return Median(std::move(values));
+  return values.empty() ? 0.0f : Median(values);
 }
 
 tl::unexpected<Error> Refuse(const char* sentence) { return Fail(ErrorCode::kBadInput, sentence); }
@@ -198,7 +192,8 @@ Result<std::shared_ptr<const AdoptedThing>> LeftBehind::Decide(const BackgroundM
   cv::Mat1f nearest_m, distance_px;
   if (!depth_spreads.empty() && FindNearestDepth(thing->depth_m, &nearest_m, &distance_px))
     nearest_m.copyTo(thing->depth_m, own(thing->box));
-  thing->depth_sigma_m = std::max(kLeastDepthSigma_m, std::sqrt(Median(std::move(depth_spreads))));
+  thing->depth_sigma_m =
+      std::max(kLeastDepthSigma_m, depth_spreads.empty() ? 0.0f : std::sqrt(Median(depth_spreads)));
   return std::shared_ptr<const AdoptedThing>(std::move(thing));
 }
 
@@ -291,7 +286,7 @@ void LayThing(const AdoptedThing& thing, const PinholeCamera& camera, const cv::
     const cv::Point rim(kRim + 1, kRim + 1);
     now = cv::Rect(low - rim, high + rim + cv::Point(1, 1)) & cv::Rect({}, half);
   }
-  const float typical_m = Median(std::move(depths));
+  const float typical_m = depths.empty() ? 0.0f : Median(depths);
   for (int y = now.y; y < now.br().y; ++y) {
     for (int x = now.x; x < now.br().x; ++x) {
       cv::Point from(x - thing.box.x, y - thing.box.y);

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "proto/base/check.h"
+#include "proto/base/median.h"
 #include "server/segmentation/box_mean.h"
 #include "server/segmentation/tone_change.h"
 
@@ -23,12 +24,6 @@ constexpr float kPlain = 2.0f, kPatterned = 60.0f;
 constexpr float kInFront = 4.0f;            // sigmas from which on depth says: not the room
 constexpr float kFilledVariance = 60 * 60;  // the next surface's colour, continued
 constexpr float kUnknownVariance = 1e5f;    // any colour is as good as any other
-
-float Median(std::vector<float>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 int LevelOf(int brightness) { return brightness * PredictionNoise::kLevels / 256; }
 int DistanceOf(float z_m) { return std::min(static_cast<int>(2 * z_m), PredictionNoise::kDistances - 1); }

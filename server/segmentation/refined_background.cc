@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "proto/base/check.h"
+#include "proto/base/median.h"
 #include "server/segmentation/labels.h"
 
 namespace mixstage {
@@ -18,12 +19,6 @@ constexpr int kAwayFromActor = 17;  // half pixels, the side of a square: his ou
 constexpr int kLevels = 16;
 constexpr float kLeastSigma = 0.8f;   // 8 bit, JPEG
 constexpr float kPriorFrames = 8.0f;  // frames' worth of trust in the camera's typical noise at a brightness
-
-float Median(std::vector<float>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 int LevelOf(float brightness) {
   return std::clamp(static_cast<int>(brightness) * kLevels / 256, 0, kLevels - 1);
