@@ -143,10 +143,11 @@ void ShadowTexture::Run(const HalfPicture& picture, const BackgroundModel& model
     float* __restrict out = texture->ptr<float>(y);
     for (int x = 0; x < columns; ++x) {
       const float s = now_room[x] / std::max(room_room[x], 1.0f);
-      const float scale = 2 / std::max(count[x], kFewest);  // the planes hold two pixels' sums
-      const float residual = scale * std::max(now_now[x] - s * now_room[x], 0.0f);
-      // JPEG and penumbrae add a few per cent of the texture's own contrast.
-      const float expected = noise[x] + 0.0036f * s * s * scale * room_room[x] + 2.0f;
+      const float residual = std::max(now_now[x] - s * now_room[x], 0.0f);
+      // JPEG and penumbrae add a few per cent of the texture's own contrast. Noise is that of two pixels'
+      // sum.
+      const float share = 0.5f * std::max(count[x], kFewest);
+      const float expected = share * (noise[x] + 2.0f) + 0.0036f * s * s * room_room[x];
       out[x] = 0.8f * std::clamp(residual / expected - 1.0f, 0.0f, 6.0f);
     }
   }
@@ -171,17 +172,19 @@ void ShadowTexture::Compare(const BackgroundModel& model, cv::Mat1f* kept) {
     const float* count = count_.ptr<float>(y);
     float* __restrict out = kept->ptr<float>(y);
     for (int x = 0; x < now_.cols; ++x) {
-      const float each = 1 / std::max(count[x], 1e-3f);
-      const float common = each * now_room[x] - each * each * now[x] * room[x];
-      const float room_variance = std::max(each * room_room[x] - each * each * room[x] * room[x], 1e-3f);
-      const float now_variance = each * now_now[x] - each * each * now[x] * now[x];
+      // All times the square of the count.
+      const float n = count[x];
+      const float common = n * now_room[x] - now[x] * room[x];
+      const float room_variance = std::max(n * room_room[x] - room[x] * room[x], 4e-3f);
+      const float now_variance = n * now_now[x] - now[x] * now[x];
       const float slope = common / room_variance;
       const float explained = slope * common;
-      const float left = std::max(now_variance - explained, 0.0f) + 0.5f * noise[x] + 1.0f;
+      const float left = std::max(now_variance - explained, 0.0f) + n * n * (0.5f * noise[x] + 1.0f);
       // Light scales brightness and contrast alike; a reflection adds some of the one.
       const float contrast = slope * room[x];
-      const bool alike = (contrast > kLeastContrast * now[x]) & (contrast < kMostContrast * now[x]);
-      out[x] = alike & (count[x] > kFewest) ? explained / left : 0.0f;
+      const bool alike =
+          (contrast > kLeastContrast * now[x]) & (contrast < kMostContrast * now[x]) & (n > kFewest);
+      out[x] = alike ? explained / left : 0.0f;
     }
   }
 }
