@@ -321,7 +321,11 @@ void LightMapper::Close(Tile tile, Spots& to, Beside beside, cv::Mat3f& factors)
 
 bool LightMapper::Shade(Spots& spots, Beside beside, cv::Mat3f& factors) {
   bool any = false;
+  int number = 0;
+  block_of_tile_.fill(number);
+  block_share_.resize(block_of_tile_.size() * lamps_.size());
   for (Tile& tile : spots.tiles) {
+    ++number;
     shaded_.assign(lamps_.size(), 0);
     bool reached = false;
     for (std::size_t i = 0; actor_shape_ != nullptr && i < lamps_.size(); ++i) {
@@ -334,16 +338,21 @@ bool LightMapper::Shade(Spots& spots, Beside beside, cv::Mat3f& factors) {
     factor_.clear();
     for (std::size_t k = tile.begin; k < tile.end; ++k) {
       const Spot& spot = spots.spots[k];
-      // The actor's shape is coarse: of two neighbours in a row the second is shaded as the first.
-      const bool second = k > tile.begin && (spot.x & 1) != 0 && spots.spots[k - 1].x == spot.x - 1;
-      for (std::size_t i = 0; !second && i < lamps_.size(); ++i) {
-        share_[i] =
-            shaded_[i] != 0 && spots.seen[k * lamps_.size() + i] + spots.kept[k * lamps_.size() + i] > 0
-                ? lamps_[i].actor.Lit(spot.position, kOffActor_m)
-                : 1.0f;
+      // The actor's shape is coarse: of four neighbours in a square the others are shaded as the first.
+      const auto block =
+          static_cast<std::size_t>((spot.y - tile.box.y) / 2 * (kTile / 2) + (spot.x - tile.box.x) / 2);
+      float* share = block_share_.data() + block * lamps_.size();
+      if (block_of_tile_[block] != number) {
+        block_of_tile_[block] = number;
+        for (std::size_t i = 0; i < lamps_.size(); ++i) {
+          share[i] =
+              shaded_[i] != 0 && spots.seen[k * lamps_.size() + i] + spots.kept[k * lamps_.size() + i] > 0
+                  ? lamps_[i].actor.Lit(spot.position, kOffActor_m)
+                  : 1.0f;
+        }
       }
-      const bool shaded = std::any_of(share_.begin(), share_.end(), [](float lit) { return lit < 1; });
-      factor_.push_back(shaded ? FactorOf(spots, k, share_.data()) : spot.factor);
+      const bool shaded = std::any_of(share, share + lamps_.size(), [](float lit) { return lit < 1; });
+      factor_.push_back(shaded ? FactorOf(spots, k, share) : spot.factor);
     }
     Fill(tile, spots, factor_, beside, factors);
   }

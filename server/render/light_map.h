@@ -85,6 +85,7 @@ class LightMapper {
     Eigen::Vector3f center = Eigen::Vector3f::Zero();
     float radius_m = -1;  // < 0: nothing is there
   };
+  static constexpr int kTileBlocks = LightMap::kTile * LightMap::kTile / 4;
   using Lamps = std::vector<std::uint8_t>;  // one a lamp: 0 = does not matter
   // A pixel of the factors that is not 1, as everything but the actor leaves it. Light is received x the
   // lamp's strength.
@@ -176,6 +177,8 @@ class LightMapper {
   Lamps shaded_;
   std::vector<std::uint8_t> hiding_;  // one an object: 0 = too far away to hide ambient light
   std::vector<float> share_;
+  std::vector<float> block_share_;  // [block of 2 x 2 in a tile][lamp] what the actor leaves of it
+  std::array<int, kTileBlocks> block_of_tile_{};  // which tile that was of
   std::vector<cv::Vec3f> factor_;
 };
 
