@@ -183,8 +183,8 @@ void LightMapper::PlaceActor(const LightMapInput& in) {
   actor_shape_ = &shape;
   const ShadowCaster caster{
       .mesh = {shape.positions, shape.indices}, .center = shape.center, .radius_m = shape.radius_m};
-  const auto matters = [&](const LampSample& lamp, const Spots& spots) {
-    return std::any_of(spots.tiles.begin(), spots.tiles.end(), [&](const Tile& tile) {
+  const auto matters = [&](const LampSample& lamp, const std::vector<Tile>& tiles) {
+    return std::any_of(tiles.begin(), tiles.end(), [&](const Tile& tile) {
       return IsBehind(lamp, shape.center, shape.radius_m, tile.center, tile.radius_m);
     });
   };
@@ -251,23 +251,23 @@ std::optional<LightMapper::Point> LightMapper::PointAt(const Depth& depth, int x
   return Point{R_ * p + t_, (R_ * normal).normalized()};
 }
 
-cv::Vec3f LightMapper::FactorOf(const Spots& of, std::size_t spot, const float* actor_lit) const {
+cv::Vec3f LightMapper::FactorOf(const Tile& tile, std::size_t spot, const float* actor_lit) const {
   const std::size_t lamps = lamps_.size();
-  Eigen::Array3f seen = of.spots[spot].seen.array(), kept = of.spots[spot].ambient.array();
+  Eigen::Array3f seen = tile.spots[spot].seen.array(), kept = tile.spots[spot].ambient.array();
   for (std::size_t i = 0; i < lamps; ++i) {
     const float lit = actor_lit != nullptr ? actor_lit[i] : 1.0f;
     const Eigen::Array3f strength = lit * lamps_[i].sample.strength.array();
-    seen += of.seen[spot * lamps + i] * strength;
-    kept += of.kept[spot * lamps + i] * strength;
+    seen += tile.seen[spot * lamps + i] * strength;
+    kept += tile.kept[spot * lamps + i] * strength;
   }
   cv::Vec3f factor;
   for (int c = 0; c < 3; ++c) factor[c] = seen[c] > 0 ? std::min(1.0f, kept[c] / seen[c]) : 1.0f;
   return factor;
 }
 
-void LightMapper::Fill(const Tile& tile, const Spots& of, const std::vector<cv::Vec3f>& factor, Beside beside,
+void LightMapper::Fill(const Tile& tile, const std::vector<cv::Vec3f>& factor, Beside beside,
                        cv::Mat3f& factors) {
-  const Spot* spots = of.spots.data() + tile.begin;
+  const Spot* spots = tile.spots.data();
   const cv::Rect& box = tile.box;
   if (spots->size == 1) {
     for (std::size_t k = 0; k < factor.size(); ++k) factors(spots[k].y, spots[k].x) = factor[k];
@@ -302,29 +302,28 @@ void LightMapper::Fill(const Tile& tile, const Spots& of, const std::vector<cv::
   }
 }
 
-void LightMapper::Close(Tile tile, Spots& to, Beside beside, cv::Mat3f& factors) {
-  tile.end = to.spots.size();
-  if (tile.end == tile.begin) return;
+void LightMapper::Close(Tile tile, std::vector<Tile>& to, Beside beside, cv::Mat3f& factors) {
+  if (tile.spots.empty()) return;
   Eigen::AlignedBox3f box;
   factor_.clear();
-  for (std::size_t k = tile.begin; k < tile.end; ++k) {
-    Spot& spot = to.spots[k];
-    spot.factor = FactorOf(to, k, nullptr);
+  for (std::size_t k = 0; k < tile.spots.size(); ++k) {
+    Spot& spot = tile.spots[k];
+    spot.factor = FactorOf(tile, k, nullptr);
     factor_.push_back(spot.factor);
     box.extend(spot.position);
   }
-  Fill(tile, to, factor_, beside, factors);
+  Fill(tile, factor_, beside, factors);
   tile.center = box.center();
   tile.radius_m = 0.5f * box.diagonal().norm();
-  to.tiles.push_back(tile);
+  to.push_back(std::move(tile));
 }
 
-bool LightMapper::Shade(Spots& spots, Beside beside, cv::Mat3f& factors) {
+bool LightMapper::Shade(std::vector<Tile>& tiles, Beside beside, cv::Mat3f& factors) {
   bool any = false;
   int number = 0;
   block_of_tile_.fill(number);
   block_share_.resize(block_of_tile_.size() * lamps_.size());
-  for (Tile& tile : spots.tiles) {
+  for (Tile& tile : tiles) {
     ++number;
     shaded_.assign(lamps_.size(), 0);
     bool reached = false;
@@ -336,8 +335,8 @@ bool LightMapper::Shade(Spots& spots, Beside beside, cv::Mat3f& factors) {
     any = true;
     tile.changed = reached;
     factor_.clear();
-    for (std::size_t k = tile.begin; k < tile.end; ++k) {
-      const Spot& spot = spots.spots[k];
+    for (std::size_t k = 0; k < tile.spots.size(); ++k) {
+      const Spot& spot = tile.spots[k];
       // The actor's shape is coarse: of four neighbours in a square the others are shaded as the first.
       const auto block =
           static_cast<std::size_t>((spot.y - tile.box.y) / 2 * (kTile / 2) + (spot.x - tile.box.x) / 2);
@@ -346,15 +345,15 @@ bool LightMapper::Shade(Spots& spots, Beside beside, cv::Mat3f& factors) {
         block_of_tile_[block] = number;
         for (std::size_t i = 0; i < lamps_.size(); ++i) {
           share[i] =
-              shaded_[i] != 0 && spots.seen[k * lamps_.size() + i] + spots.kept[k * lamps_.size() + i] > 0
+              shaded_[i] != 0 && tile.seen[k * lamps_.size() + i] + tile.kept[k * lamps_.size() + i] > 0
                   ? lamps_[i].actor.Lit(spot.position, kOffActor_m)
                   : 1.0f;
         }
       }
       const bool shaded = std::any_of(share, share + lamps_.size(), [](float lit) { return lit < 1; });
-      factor_.push_back(shaded ? FactorOf(spots, k, share) : spot.factor);
+      factor_.push_back(shaded ? FactorOf(tile, k, share) : spot.factor);
     }
-    Fill(tile, spots, factor_, beside, factors);
+    Fill(tile, factor_, beside, factors);
   }
   return any;
 }
@@ -396,7 +395,7 @@ bool LightMapper::MovedReach(const Sphere& points) const {
 void LightMapper::LightRoom(const LightMapInput& in, Renew renew) {
   const auto depth = [&](int x, int y) { return in.room_depth_m(2 * y, 2 * x); };
   std::swap(room_, room_before_);
-  room_.Clear();
+  room_.clear();
   room_touched_.setTo(0);
   if (renew == Renew::kAll) {
     room_tiles_.clear();
@@ -406,7 +405,7 @@ void LightMapper::LightRoom(const LightMapInput& in, Renew renew) {
   if (in.room_revision == 0) return;
   const std::size_t lamps = lamps_.size();
   std::size_t number = 0;
-  auto kept = room_before_.tiles.begin();
+  auto kept = room_before_.begin();
   int refined = 0;
   for (int y0 = 0; y0 < half_.height; y0 += kTile) {
     for (int x0 = 0; x0 < half_.width; x0 += kTile, ++number) {
@@ -416,12 +415,12 @@ void LightMapper::LightRoom(const LightMapInput& in, Renew renew) {
         room_tiles_.push_back(SphereOf(depth, box));
       } else {
         const auto old = kept;
-        const bool was = kept != room_before_.tiles.end() && kept->box == box;
+        const bool was = kept != room_before_.end() && kept->box == box;
         if (was) ++kept;
         const bool again = renew == Renew::kMoved ? MovedReach(room_tiles_[number])
                                                   : coarse != 0 && refined < kRefinedAFrame;
         if (!again) {
-          if (was) KeepTile(room_before_, *old);
+          if (was) room_.push_back(std::move(*old));
           continue;
         }
         ++refined;
@@ -433,7 +432,6 @@ void LightMapper::LightRoom(const LightMapInput& in, Renew renew) {
       coarse = step_ > 1 ? 255 : 0;
       Tile tile;
       tile.box = box;
-      tile.begin = room_.spots.size();
       // What moves is seen for a moment only: ambient light is hidden in blocks.
       std::array<std::optional<float>, kTile * kTile / 16> hides;
       for (int y = y0; y < tile.box.br().y; y += step_) {
@@ -451,43 +449,28 @@ void LightMapper::LightRoom(const LightMapInput& in, Renew renew) {
           const float hidden = *block;
           if (!shaded && hidden < kLeastHidden) continue;
           const Eigen::Vector3f ambient = light_.ambient.At(at->normal);
-          room_.spots.push_back(
+          tile.spots.push_back(
               {x, y, step_, at->position, ambient, (1 - (1 - kGivenBack) * hidden) * ambient, {}});
           const Eigen::Vector3f off_room = at->position + kOffRoom_m * at->normal;
           for (std::size_t i = 0; i < lamps; ++i) {
             const LampSample::Incident incident = lamps_[i].sample.At(at->position);
             float received = incident.share * std::max(0.0f, at->normal.dot(incident.toward));
             if (received > 0) received *= lamps_[i].room.Lit(off_room, kOffRoom_m);
-            room_.seen.push_back(received);
-            room_.kept.push_back(received * share_[i]);
+            tile.seen.push_back(received);
+            tile.kept.push_back(received * share_[i]);
           }
-          const cv::Vec3f factor = FactorOf(room_, room_.spots.size() - 1, nullptr);
+          const cv::Vec3f factor = FactorOf(tile, tile.spots.size() - 1, nullptr);
           if (std::min({factor[0], factor[1], factor[2]}) > kUnseen) {
-            room_.spots.pop_back();
-            room_.seen.resize(lamps * room_.spots.size());
-            room_.kept.resize(lamps * room_.spots.size());
+            tile.spots.pop_back();
+            tile.seen.resize(lamps * tile.spots.size());
+            tile.kept.resize(lamps * tile.spots.size());
           }
         }
       }
-      Close(tile, room_, Beside::kLit, map_.room);
+      Close(std::move(tile), room_, Beside::kLit, map_.room);
     }
   }
-  for (const Tile& tile : room_.tiles) Touch(tile.box, room_touched_);
-}
-
-// A square of the room as it was.
-void LightMapper::KeepTile(const Spots& before, Tile tile) {
-  const std::size_t lamps = lamps_.size(), begin = tile.begin, end = tile.end;
-  const auto copy = [](const auto& from, std::size_t first, std::size_t last, auto& to) {
-    to.insert(to.end(), from.begin() + static_cast<std::ptrdiff_t>(first),
-              from.begin() + static_cast<std::ptrdiff_t>(last));
-  };
-  tile.begin = room_.spots.size();
-  copy(before.spots, begin, end, room_.spots);
-  copy(before.seen, lamps * begin, lamps * end, room_.seen);
-  copy(before.kept, lamps * begin, lamps * end, room_.kept);
-  tile.end = room_.spots.size();
-  room_.tiles.push_back(tile);
+  for (const Tile& tile : room_) Touch(tile.box, room_touched_);
 }
 
 void LightMapper::LightActor(const LightMapInput& in) {
@@ -531,7 +514,7 @@ void LightMapper::LightActor(const LightMapInput& in) {
 
 void LightMapper::LightCg(const LightMapInput& in) {
   const CgLayer& cg = *in.cg;
-  cg_.Clear();
+  cg_.clear();
   map_.cg_bounds = {cg.bounds.x / 2, cg.bounds.y / 2, HalfUp(cg.bounds.width), HalfUp(cg.bounds.height)};
   map_.cg(map_.cg_bounds).setTo(cv::Scalar::all(1));
   // The first pixel of four that shows something.
@@ -550,7 +533,6 @@ void LightMapper::LightCg(const LightMapInput& in) {
     for (int x0 = box.x; x0 < box.br().x; x0 += kTile) {
       Tile tile;
       tile.box = cv::Rect(x0, y0, kTile, kTile) & box;
-      tile.begin = cg_.spots.size();
       for (int y = y0; y < tile.box.br().y; y += step_) {
         for (int x = x0; x < tile.box.br().x; x += step_) {
           const auto at = PointAt(depth, x, y);
@@ -565,13 +547,13 @@ void LightMapper::LightCg(const LightMapInput& in) {
             shaded_as += received * lamp.sample.strength;
             if (received > 0) received *= lamp.cg.Lit(raised, kOffCg_m);
             if (received > 0) received *= lamp.room.Lit(off_room, kOffRoom_m);
-            cg_.seen.push_back(0);
-            cg_.kept.push_back(received);
+            tile.seen.push_back(0);
+            tile.kept.push_back(received);
           }
-          cg_.spots.push_back({x, y, step_, off_room, shaded_as, ambient, {}});
+          tile.spots.push_back({x, y, step_, off_room, shaded_as, ambient, {}});
         }
       }
-      Close(tile, cg_, Beside::kUnknown, map_.cg);
+      Close(std::move(tile), cg_, Beside::kUnknown, map_.cg);
     }
   }
 }

@@ -96,18 +96,14 @@ class LightMapper {
     Eigen::Vector3f ambient = Eigen::Vector3f::Zero();  // what is left of the ambient light
     cv::Vec3f factor;
   };
+  // A square of factors with its spots.
   struct Tile {
     cv::Rect box;
-    std::size_t begin = 0, end = 0;                    // of spots
+    std::vector<Spot> spots;
+    std::vector<float> seen, kept;  // [spot][lamp]: received of what the factor counts from, and what is left
     Eigen::Vector3f center = Eigen::Vector3f::Zero();  // of a sphere around them
     float radius_m = 0;
     bool changed = false;  // by the actor, in the last frame
-  };
-  struct Spots {
-    std::vector<Spot> spots;
-    std::vector<float> seen, kept;  // [spot][lamp]: received of what the factor counts from, and what is left
-    std::vector<Tile> tiles;
-    void Clear() { spots.clear(), seen.clear(), kept.clear(), tiles.clear(); }
   };
 
   void PlaceLamps(const LightMapInput& in);
@@ -121,18 +117,17 @@ class LightMapper {
   enum class Renew { kAll, kMoved, kCoarse };
   void LightRoom(const LightMapInput& in, Renew renew);
   [[nodiscard]] bool MovedReach(const Sphere& points) const;
-  void KeepTile(const Spots& before, Tile tile);
   void LightActor(const LightMapInput& in);
   void LightCg(const LightMapInput& in);
   // What lies between spots: lit on the room, of which spots are what is not; an edge's neighbours on CG.
   enum class Beside { kLit, kUnknown };
   // factor: of each of the tile's spots.
-  static void Fill(const Tile& tile, const Spots& of, const std::vector<cv::Vec3f>& factor, Beside beside,
-                   cv::Mat3f& factors);
-  void Close(Tile tile, Spots& to, Beside beside, cv::Mat3f& factors);
-  [[nodiscard]] cv::Vec3f FactorOf(const Spots& of, std::size_t spot, const float* actor_lit) const;
+  static void Fill(const Tile& tile, const std::vector<cv::Vec3f>& factor, Beside beside, cv::Mat3f& factors);
+  // Adds a tile whose spots are there; one without any is dropped.
+  void Close(Tile tile, std::vector<Tile>& to, Beside beside, cv::Mat3f& factors);
+  [[nodiscard]] cv::Vec3f FactorOf(const Tile& tile, std::size_t spot, const float* actor_lit) const;
   // What the actor changes; false: nothing, now and in the frame before.
-  bool Shade(Spots& spots, Beside beside, cv::Mat3f& factors);
+  bool Shade(std::vector<Tile>& tiles, Beside beside, cv::Mat3f& factors);
   // Whether a sphere of points may lie in some shadow; fills shaded_ and hiding_.
   bool MayBeShaded(const Eigen::Vector3f& center, float radius_m);
   // By the objects that hiding_ names.
@@ -168,8 +163,8 @@ class LightMapper {
   // Whatever moves is shaded every second pixel; all of them once it stands.
   int step_ = 1;
   LightMap map_;
-  Spots room_, cg_;
-  Spots room_before_;                         // scratch
+  std::vector<Tile> room_, cg_;
+  std::vector<Tile> room_before_;             // scratch
   std::optional<std::vector<Sphere>> moved_;  // objects of the last change, before and after it
   std::vector<Sphere> room_tiles_;            // around the room's points, of every square
   cv::Mat1b room_touched_, room_coarse_;      // a square: 255 = only every second pixel was shaded
