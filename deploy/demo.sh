@@ -60,7 +60,7 @@ prepare_studio() {
     --rig "$root/deploy/demo/nominal.json" --out "$studio" >&2
   echo "2 of 3: scanning the empty room with the head ($((SECONDS - since)) s so far)" >&2
   "${mixstage_agent[@]}" --source synthetic:empty >&2 & started+=($!)
-  "${mixstage_server[@]}" scan --live --lcm "$lcm" --rig "$studio/rig.json" --out "$studio/room" --pan -44:44 --tilt -25:40 >&2
+  "${mixstage_server[@]}" scan --live --lcm "$lcm" --rig "$studio/rig.json" --out "$studio/room" --pan -44:44 --tilt -25:25 >&2
   stop
   echo "3 of 3: the show ($((SECONDS - since)) s so far); reports: $studio/report.html, $studio/room/report.html" >&2
 }
