@@ -19,11 +19,8 @@ constexpr float kSure_px = 5;   // so far from an edge depth is trusted wholly, 
 constexpr float kLeastTrust = 0.1f;
 constexpr int kPasses = 2;
 
-const cv::Mat& Square(int reach) {
-  static const std::array<cv::Mat, 2> kSquares = {
-      cv::getStructuringElement(cv::MORPH_RECT, {3, 3}),
-      cv::getStructuringElement(cv::MORPH_RECT, {2 * kReach + 1, 2 * kReach + 1})};
-  return kSquares[reach == 1 ? 0 : 1];
+cv::Mat Square(int reach) {
+  return cv::getStructuringElement(cv::MORPH_RECT, {2 * reach + 1, 2 * reach + 1});
 }
 
 // 255 where neighbours step.
@@ -44,7 +41,7 @@ struct TwoSides {
   float middle = 0;  // inverse depth between them
 };
 
-// Where the edges are, what is on their sides. Calls each(x, y, sides) beside them.
+// Where the edges are and what is on their sides.
 class Edges {
  public:
   explicit Edges(const cv::Mat1f& inverse) : inverse_(inverse), edges_(EdgesOf(inverse)) {
@@ -58,12 +55,12 @@ class Edges {
   [[nodiscard]] std::optional<TwoSides> At(int x, int y) const {
     TwoSides sides;
     sides.middle = (high_(y, x) + low_(y, x)) / 2;
-    int nearest = 1 << 20, farthest = 1 << 20;
+    int to_near = 1 << 20, to_far = 1 << 20;  // squared, px
     for (int v = std::max(0, y - kReach); v <= std::min(inverse_.rows - 1, y + kReach); ++v) {
       for (int u = std::max(0, x - kReach); u <= std::min(inverse_.cols - 1, x + kReach); ++u) {
         const int d2 = (u - x) * (u - x) + (v - y) * (v - y);
         const bool near = inverse_(v, u) > sides.middle;
-        if (int& least = near ? nearest : farthest; d2 < least) {
+        if (int& least = near ? to_near : to_far; d2 < least) {
           least = d2;
           (near ? sides.near : sides.far) = {u, v};
         }
