@@ -13,6 +13,8 @@ import sys
 
 import numpy as np
 
+from tum_pose import pose_of
+
 
 def rows(name):
     return np.array([[float(v) for v in line.split()] for line in open(name) if line.strip() and line[0] != "#"])
@@ -38,16 +40,6 @@ def predicted(ptu, pan, tilt):
             np.array(ptu["T_tilt_color"], float).reshape(4, 4))
 
 
-def pose(row):
-    x, y, z, w = row[4:8] / np.linalg.norm(row[4:8])
-    T = np.eye(4)
-    T[:3, :3] = [[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                 [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                 [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]]
-    T[:3, 3] = row[1:4]
-    return T
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("rig"), parser.add_argument("sweep"), parser.add_argument("truth")
@@ -61,7 +53,7 @@ def main():
         i = int(np.argmin(np.abs(truth[:, 0] - t)))
         if abs(truth[i, 0] - t) < 0.01:
             ours.append(predicted(ptu, pan, tilt))
-            theirs.append(pose(truth[i]))
+            theirs.append(pose_of(truth[i][1:8]))
     inverse = np.linalg.inv
     errors = {"pairs": [], "consecutive": []}
     for i in range(len(ours)):

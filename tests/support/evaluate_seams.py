@@ -16,16 +16,9 @@ import sys
 import cv2
 import numpy as np
 
+from tum_pose import pose_of
+
 SIDE_PX, MOVED_PX, LEAST_PX, TEXTURE = 31, 45, 100, 12
-
-
-def pose_of(numbers):
-    x, y, z, w = numbers[3:]
-    T = np.eye(4)
-    T[:3, :3] = [[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                 [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]]
-    T[:3, 3] = numbers[:3]
-    return T
 
 
 def steps(off, use, labels):

@@ -15,6 +15,8 @@ import sys
 import cv2
 import numpy as np
 
+from tum_pose import pose_of
+
 views, rig_file, poses_file, plane, low, high, size = sys.argv[1:]
 rig = json.loads(pathlib.Path(rig_file).read_text())
 camera = rig["cameras"]["depth"]
@@ -37,13 +39,7 @@ def to_box(origin, ray):
 
 changed = 0
 for file in sorted((pathlib.Path(views) / "depth").iterdir()):
-    _, tx, ty, tz, x, y, z, w = poses[int(file.stem.split("_")[0])]
-    T = np.eye(4)
-    T[:3, :3] = [[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                 [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                 [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]]
-    T[:3, 3] = tx, ty, tz
-    T = T @ T_color_depth
+    T = pose_of(poses[int(file.stem.split("_")[0])][1:]) @ T_color_depth
     world = rays @ T[:3, :3].T
     with np.errstate(divide="ignore"):
         to_wall = (wall - T[axis, 3]) / world[:, axis]
