@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstdint>
 #include <opencv2/imgproc.hpp>
-#include <optional>
 
 #include "proto/base/median.h"
 #include "proto/base/text.h"
@@ -27,9 +26,9 @@ class Finder {
   Finder(const SurfaceNodes& nodes, const std::vector<GrownPlane>& planes, const PanoramaGrid& grid)
       : n_(nodes), planes_(planes), grid_(grid), center_(grid.panorama().center) {}
 
-  void FindBehind(std::size_t plane, std::vector<Opening>& out) const {
-    const std::optional<std::vector<cv::Point2f>> outline = Outline(plane);
-    if (!outline) return;
+  void FindBehind(std::size_t plane, const RoomPlane& described, std::vector<Opening>& out) const {
+    const std::vector<cv::Point2f> outline = Outline(plane, described);
+    if (outline.size() < 3) return;
     cv::Mat1b behind = Mask();
     for (int y = 0; y < n_.height; ++y) {
       for (int x = 0; x < n_.width; ++x) {
@@ -39,12 +38,12 @@ class Finder {
         if (on_plane <= 0 || on_plane - seen < kSigmas * static_cast<double>(n_.sigma[i]) ||
             1 / seen - 1 / on_plane < kLeastBehind_m)
           continue;
-        if (cv::pointPolygonTest(*outline, OnPlane(plane, Ray(i) / on_plane), false) > 0) behind(y, x) = 255;
+        if (cv::pointPolygonTest(outline, OnPlane(plane, Ray(i) / on_plane), false) > 0) behind(y, x) = 255;
       }
     }
     ForEachPart(behind, [&](const std::vector<cv::Point>& part, const cv::Mat1b& mask) {
       Opening o;
-      o.plane = static_cast<int>(plane);
+      o.plane = described.name;
       std::vector<double> depths;
       for (const cv::Point& p : part) {
         const std::size_t i = Index(p.x, p.y);
@@ -102,15 +101,10 @@ class Finder {
     return {static_cast<float>(u.dot(from_center)), static_cast<float>(n.cross(u).dot(from_center))};
   }
 
-  [[nodiscard]] std::optional<std::vector<cv::Point2f>> Outline(std::size_t plane) const {
-    std::vector<cv::Point2f> points, outline;
-    for (std::size_t i = 0; i < n_.ray.size(); ++i) {
-      const double on_plane = planes_[plane].m.dot(Ray(i));
-      if (n_.room_plane[i] == static_cast<int>(plane) && on_plane > 0)
-        points.push_back(OnPlane(plane, Ray(i) / on_plane));
-    }
-    if (points.size() < 3) return std::nullopt;
-    cv::convexHull(points, outline);
+  [[nodiscard]] std::vector<cv::Point2f> Outline(std::size_t plane, const RoomPlane& described) const {
+    std::vector<cv::Point2f> outline;
+    for (const Eigen::Vector3d& corner : described.polygon)
+      outline.push_back(OnPlane(plane, corner - center_));
     return outline;
   }
 
@@ -202,29 +196,30 @@ class Finder {
 }  // namespace
 
 std::vector<Opening> FindOpenings(const SurfaceNodes& nodes, const std::vector<GrownPlane>& planes,
+                                  const std::vector<RoomPlane>& described,
                                   const std::vector<std::uint8_t>& swept, const PanoramaGrid& grid) {
   const Finder finder(nodes, planes, grid);
   std::vector<Opening> out;
-  for (std::size_t k = 0; k < planes.size(); ++k)
-    if (planes[k].area_m2 >= kLeastPlane_m2) finder.FindBehind(k, out);
+  for (std::size_t k = 0; k < described.size(); ++k)
+    if (planes[k].area_m2 >= kLeastPlane_m2) finder.FindBehind(k, described[k], out);
   finder.FindNoRange(swept, out);
   std::stable_sort(out.begin(), out.end(),
                    [](const Opening& a, const Opening& b) { return a.area_m2 > b.area_m2; });
   return out;
 }
 
-std::string Described(const Opening& o, const std::string& plane) {
+std::string Described(const Opening& o) {
   const std::string where = Text("%.2f m2 at %.2f, %.2f, %.2f m", o.area_m2, o.at.x(), o.at.y(), o.at.z());
   constexpr const char* kKeptOut = "a garbage region there (regions.yaml) keeps mirrored actors out";
   switch (o.kind) {
     case Opening::Kind::kMirror:
-      return Text("%s has a mirror of %s: it shows the room once more, %.1f m behind it; %s", plane.c_str(),
+      return Text("%s has a mirror of %s: it shows the room once more, %.1f m behind it; %s", o.plane.c_str(),
                   where.c_str(), o.behind_m, kKeptOut);
     case Opening::Kind::kBehind:
       return Text(
           "%s has an opening of %s, through which is seen what lies %.1f m behind it: a doorway, a "
           "window or a mirror; if it mirrors, %s",
-          plane.c_str(), where.c_str(), o.behind_m, kKeptOut);
+          o.plane.c_str(), where.c_str(), o.behind_m, kKeptOut);
     case Opening::Kind::kNoRange:
       break;
   }

@@ -21,18 +21,19 @@ struct Opening {
     kNoRange,  // nothing came back: a window, something black, something too far
   };
   Kind kind = Kind::kNoRange;
-  int plane = -1;  // index of the large plane it interrupts; -1 for kNoRange
+  std::string plane;  // name of the large plane it interrupts; empty for kNoRange
   double area_m2 = 0;
   Eigen::Vector3d at = Eigen::Vector3d::Zero();  // its middle, world
   double behind_m = 0;                           // along the ray, median; 0 for kNoRange
 };
 
-// Largest first. nodes: before FillNodes. swept [node]: directions that a view looked into. grid: what the
-// nodes were made of.
+// Largest first. nodes: before FillNodes. described: the planes as DescribePlanes has them. swept [node]:
+// directions that a view looked into. grid: what the nodes were made of.
 std::vector<Opening> FindOpenings(const SurfaceNodes& nodes, const std::vector<GrownPlane>& planes,
+                                  const std::vector<RoomPlane>& described,
                                   const std::vector<std::uint8_t>& swept, const PanoramaGrid& grid);
 
-// One line for the report. plane: its name.
-[[nodiscard]] std::string Described(const Opening& opening, const std::string& plane);
+// One line for the report.
+[[nodiscard]] std::string Described(const Opening& opening);
 
 }  // namespace mixstage

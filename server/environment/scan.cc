@@ -442,11 +442,10 @@ Result<ScanResult> ScanRoom(const Take& take, const Rig& rig, const std::vector<
   }
   report.measured = wanted == 0 ? 0 : static_cast<double>(have) / static_cast<double>(wanted);
   report.measured_by = MeasuredBy(surface, swept);
-  result.scanned.environment.planes = DescribePlanes(surface.planes, surface.nodes, panorama.center);
-  for (const Opening& o : FindOpenings(surface.nodes, surface.planes, swept, grid)) {
-    report.warnings.push_back(Described(
-        o, o.plane < 0 ? "" : result.scanned.environment.planes[static_cast<std::size_t>(o.plane)].name));
-  }
+  std::vector<RoomPlane>& described = result.scanned.environment.planes;
+  described = DescribePlanes(surface.planes, surface.nodes, panorama.center);
+  for (const Opening& o : FindOpenings(surface.nodes, surface.planes, described, swept, grid))
+    report.warnings.push_back(Described(o));
   FillNodes(surface.nodes, swept);
 
   step("edges");

@@ -58,7 +58,8 @@ std::vector<Opening> OpeningsWith(const Beyond& beyond) {
   FitPlanes(nodes);
   const std::vector<GrownPlane> planes = GrowPlanes(nodes, {});
   FitPlanes(nodes);
-  return FindOpenings(nodes, planes, std::vector<std::uint8_t>(nodes.ray.size(), 1), grid);
+  return FindOpenings(nodes, planes, DescribePlanes(planes, nodes, grid.panorama().center),
+                      std::vector<std::uint8_t>(nodes.ray.size(), 1), grid);
 }
 
 void ExpectTheHole(const Opening& o) {
@@ -76,7 +77,8 @@ TEST(Openings, AMirrorShowsTheRoomOnceMore) {
   EXPECT_EQ(found[0].kind, Opening::Kind::kMirror);
   ExpectTheHole(found[0]);
   EXPECT_GT(found[0].behind_m, 1);
-  EXPECT_THAT(Described(found[0], "wall_2"), HasSubstr("wall_2 has a mirror of 1."));
+  EXPECT_THAT(found[0].plane, HasSubstr("wall"));
+  EXPECT_THAT(Described(found[0]), HasSubstr(found[0].plane + " has a mirror of 1."));
 }
 
 TEST(Openings, ADoorwayShowsAnotherRoom) {
@@ -95,7 +97,7 @@ TEST(Openings, AWindowGivesNoRange) {
   ASSERT_EQ(found.size(), 1u);
   EXPECT_EQ(found[0].kind, Opening::Kind::kNoRange);
   ExpectTheHole(found[0]);
-  EXPECT_THAT(Described(found[0], ""), HasSubstr("gave no range"));
+  EXPECT_THAT(Described(found[0]), HasSubstr("gave no range"));
 }
 
 TEST(Openings, APictureOnTheWallIsNone) {
