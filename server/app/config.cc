@@ -18,6 +18,9 @@ Status ReadPath(YamlFields& f, const char* key, const fs::path& folder, fs::path
   std::string text;
   if (auto ok = f.Text(key, text); !ok || text.empty()) return ok;
   path = fs::path(text).is_absolute() ? fs::path(text) : (folder / text).lexically_normal();
+  // What is written out again must be read again.
+  if (path.native().size() > YamlFields::kLongestText)
+    return f.Bad(key, "is with its folder over " + std::to_string(YamlFields::kLongestText) + " characters");
   return {};
 }
 

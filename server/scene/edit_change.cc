@@ -73,7 +73,7 @@ struct Change {
 
   // The placing follows the pose where the object has one.
   static Status Keep(SceneObject& object) {
-    if (!(object.T_scene_object.matrix().cwiseAbs().maxCoeff() <= kFarthestOrigin)) {
+    if (!(object.T_scene_object.matrix().array().abs() <= kFarthestOrigin).all()) {
       return Refuse(object.name + ": its file's origin would lie more than 100 km away.");
     }
     if (!object.placing) return {};

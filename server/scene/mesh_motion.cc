@@ -234,7 +234,7 @@ PosedVertices PoseMesh(const MeshMotion& motion, int clip, float t_s) {
       p = T * from.homogeneous();
       n = NormalMatrix(T.leftCols<3>()) * facing;
     }
-    posed.positions[i] = p.cwiseAbs().maxCoeff() <= kFarthest ? p : from;
+    posed.positions[i] = (p.array().abs() <= kFarthest).all() ? p : from;  // false of what is no number
     const float length = n.norm();
     posed.normals[i] = std::isfinite(length) && length > 0 ? Eigen::Vector3f(n / length) : facing;
   }

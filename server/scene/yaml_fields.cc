@@ -13,7 +13,6 @@ namespace mixstage {
 namespace {
 
 constexpr std::size_t kMostKeys = 64;
-constexpr std::size_t kLongestText = 512;
 
 // Parses and keeps nothing.
 class NoEvents final : public YAML::EventHandler {

@@ -17,6 +17,8 @@ namespace mixstage {
 
 class YamlFields {
  public:
+  static constexpr std::size_t kLongestText = 512;  // characters
+
   // place: the file's name; path: the keys that lead here ("objects[2]"), empty at the top.
   YamlFields(const YAML::Node& map, std::string place, std::string path);
 
@@ -30,7 +32,7 @@ class YamlFields {
   Status Number(const char* key, double& value);
   Status NumberIn(const char* key, double low, double high, double& value);
   Status Flag(const char* key, bool& value);
-  Status Text(const char* key, std::string& value);  // 1 to 512 characters
+  Status Text(const char* key, std::string& value);  // 1 to kLongestText characters
   Status NumberList(const char* key, std::vector<double>& values, std::size_t low, std::size_t high);
   template <std::size_t N>
   Status Numbers(const char* key, std::array<double, N>& values) {

@@ -275,7 +275,7 @@ void LayThing(const AdoptedThing& thing, const PinholeCamera& camera, const cv::
         const Eigen::Vector3d p = T_now_then * Eigen::Vector3d(z * ray[0], z * ray[1], z);
         depths.push_back(static_cast<float>(p.z()));
         const auto pixel = camera.Project(p);
-        if (!pixel || !(pixel->cwiseAbs().maxCoeff() < 1e5)) continue;
+        if (!pixel || !(pixel->array().abs() < 1e5).all()) continue;
         const cv::Point at(static_cast<int>(pixel->x() / 2), static_cast<int>(pixel->y() / 2));
         low = {std::min(low.x, at.x), std::min(low.y, at.y)};
         high = {std::max(high.x, at.x), std::max(high.y, at.y)};
@@ -300,7 +300,7 @@ void LayThing(const AdoptedThing& thing, const PinholeCamera& camera, const cv::
           const Eigen::Vector3d p = T_then_now * Eigen::Vector3d(z_now * ray[0], z_now * ray[1], z_now);
           const auto pixel = camera.Project(p);
           from = {-1, -1};
-          if (!pixel || !(pixel->cwiseAbs().maxCoeff() < 1e5)) break;
+          if (!pixel || !(pixel->array().abs() < 1e5).all()) break;
           from = cv::Point(static_cast<int>(std::lround(pixel->x() / 2)) - thing.box.x,
                            static_cast<int>(std::lround(pixel->y() / 2)) - thing.box.y);
           if (!cv::Rect({}, thing.box.size()).contains(from)) break;

@@ -69,6 +69,17 @@ TEST(StudioConfig, PathsAreRelativeToTheFile) {
   EXPECT_EQ(config->rig, "/etc/rigs/a.json");
 }
 
+TEST(StudioConfig, APathTooLongToBeReadAgainIsRefused) {
+  const auto rig = [](std::size_t characters) {
+    return ParseStudioConfig("rig: " + std::string(characters, 'r') + "\n", "/etc/mixstage/studio.yaml");
+  };
+  const auto longest = rig(512 - std::string("/etc/mixstage/").size());
+  ASSERT_TRUE(longest);
+  EXPECT_TRUE(ParseStudioConfig(ToYaml(*longest), "/etc/mixstage/studio.yaml"));
+  ASSERT_FALSE(rig(512));
+  EXPECT_NE(rig(512).error().message.find("rig is with its folder over 512"), std::string::npos);
+}
+
 TEST(ParseExports, AnUnknownNameListsTheKnown) {
   EXPECT_EQ(ParseExports("alpha,report")->size(), 2u);
   const auto bad = ParseExports("alpha,teapot");

@@ -67,6 +67,14 @@ TEST(MeshMotion, ASizeOfNothingIsNoTrouble) {
   EXPECT_LT((CornerAt(model->mesh, 1) - Eigen::Vector3f(1.5f, 0, 0)).norm(), 1e-6f);
 }
 
+// Between two ends of what a float holds, the step is none: the triangle stays where it rests.
+TEST(MeshMotion, AStepThatNoFloatHoldsIsNoTrouble) {
+  const auto model = Import(MovingTriangle("translation", {0, 3e38f, 0, 0, -3e38f, 0}));
+  ASSERT_TRUE(model) << model.error().message;
+  for (const float t_s : {0.0f, 0.5f, 1.0f, 2.0f})
+    EXPECT_EQ(CornerAt(model->mesh, t_s), Eigen::Vector3f(1, 0, 0)) << t_s;
+}
+
 TEST(MeshMotion, TracksThatAreNoneAreNamed) {
   const auto why = [](const std::string& file) {
     const auto model = Import(file);
