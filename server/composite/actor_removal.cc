@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "proto/base/check.h"
+#include "proto/base/image_mat.h"
 #include "server/segmentation/labels.h"
 
 namespace mixstage {
@@ -66,12 +67,8 @@ void ActorRemoval::Run(const YuvImage& color, const YuvImage& room, ImageView<co
   color.y.copyTo(empty.y);
   color.cb.copyTo(empty.cb);
   color.cr.copyTo(empty.cr);
-  const auto mat = [](ImageView<const std::uint8_t> view) {
-    return cv::Mat1b(view.height(), view.width(), const_cast<std::uint8_t*>(view.data()),
-                     static_cast<std::size_t>(view.stride()));
-  };
-  cv::compare(mat(label), kLabelShadow, scratch_, cv::CMP_EQ);
-  cv::bitwise_or(scratch_, mat(alpha), scratch_);
+  cv::compare(AsMat(label), kLabelShadow, scratch_, cv::CMP_EQ);
+  cv::bitwise_or(scratch_, AsMat(alpha), scratch_);
   // At half size any of four: neither a mean nor a sample.
   mask_.create((h + 1) / 2, (w + 1) / 2);
   for (int y = 0; y < mask_.rows; ++y) {

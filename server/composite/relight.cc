@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "proto/base/image_mat.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "server/composite/relight.cc"
@@ -16,6 +19,208 @@ namespace mixstage {
 namespace {
 
 constexpr int kSide = 2 * LightMap::kTile;
+
+// sRGB codes are E = 1.055 L^(1/2.4) - 0.055 but for the darkest ten: light scaled by s gives
+// g (E + 0.055) - 0.055 with g = s^(1/2.4), and Y'CbCr is linear in that.
+constexpr float kOffset = 0.055f * 255;
+
+// The gains of a square's factors, and of the column and row after it.
+struct TileGains {
+  static constexpr int kRows = LightMap::kTile + 1;
+  static constexpr int kStride = 2 * LightMap::kTile;  // with room for a last vector
+  alignas(64) float gains[3][kRows][kStride];
+
+  void Ones() { std::fill_n(&gains[0][0][0], 3 * kRows * kStride, 1.0f); }
+};
+
+// What a square is made from and to: the pictures go on to its whole width.
+struct RelightTile {
+  cv::Rect box;
+  const TileGains* room;
+  const TileGains* actor;
+  ImageView<const std::uint8_t> alpha;
+  const YuvImage* color;
+  YuvImage* lit;
+};
+
+}  // namespace
+}  // namespace mixstage
+#endif
+
+HWY_BEFORE_NAMESPACE();
+namespace mixstage {
+namespace HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+using D = hn::CappedTag<float, LightMap::kTile>;
+using V = hn::Vec<D>;
+using D32 = hn::Rebind<std::int32_t, D>;
+using DByte = hn::Rebind<std::uint8_t, D>;
+
+HWY_INLINE V Numbers(hn::Vec<DByte> codes) { return hn::ConvertTo(D(), hn::PromoteTo(D32(), codes)); }
+HWY_INLINE hn::Vec<DByte> Codes(V value) {
+  const D d;
+  const V rounded = hn::Clamp(hn::Add(value, hn::Set(d, 0.5f)), hn::Zero(d), hn::Set(d, 255.0f));
+  return hn::DemoteTo(DByte(), hn::ConvertTo(D32(), rounded));
+}
+
+// Pixels of a row: each lane holds an even one and the odd one after it.
+struct Pair {
+  V even, odd;
+};
+HWY_INLINE Pair LoadPair(const std::uint8_t* from) {
+  hn::Vec<DByte> even, odd;
+  hn::LoadInterleaved2(DByte(), from, even, odd);
+  return {Numbers(even), Numbers(odd)};
+}
+HWY_INLINE void StorePair(const Pair& pair, std::uint8_t* to) {
+  hn::StoreInterleaved2(Codes(pair.even), Codes(pair.odd), DByte(), to);
+}
+
+// s^(5/12) by t = s^(1/4), s in 0..1: within a seventh of a code, 0 and 1 exact.
+HWY_INLINE V CodeGain(V s) {
+  const D d;
+  const V one = hn::Set(d, 1.0f);
+  const V t = hn::Sqrt(hn::Sqrt(hn::Clamp(s, hn::Zero(d), one)));
+  V bend = hn::Set(d, 0.40568887f);
+  for (const float c : {-0.82732612f, 0.70761077f, -0.93665115f}) bend = hn::MulAdd(bend, t, hn::Set(d, c));
+  return hn::Mul(t, hn::MulAdd(hn::Sub(one, t), bend, one));
+}
+
+// The gains of the square at a pixel of the full picture; false: all are 1.
+bool GainsOf(const cv::Mat3f& factors, const cv::Point& at, TileGains& to) {
+  const D d;
+  const int left = at.x / 2, columns = std::min(TileGains::kStride, factors.cols - left);
+  const V one = hn::Set(d, 1.0f);
+  bool any = false;
+  std::array<cv::Vec3f, TileGains::kStride> row;
+  for (int v = 0; v < TileGains::kRows; ++v) {
+    const cv::Vec3f* from = factors[std::min(at.y / 2 + v, factors.rows - 1)] + left;
+    if (columns < TileGains::kStride) {  // the last column goes on
+      std::fill(std::copy_n(from, columns, row.begin()), row.end(), from[columns - 1]);
+      from = row.data();
+    }
+    for (int u = 0; u < TileGains::kRows; u += static_cast<int>(hn::Lanes(d))) {
+      V s[3];
+      hn::LoadInterleaved3(d, from[u].val, s[0], s[1], s[2]);
+      const auto lit = hn::And(hn::Eq(s[0], one), hn::And(hn::Eq(s[1], one), hn::Eq(s[2], one)));
+      if (!hn::AllTrue(d, lit)) {
+        any = true;
+        for (V& factor : s) factor = CodeGain(factor);
+      }
+      for (int c = 0; c < 3; ++c) hn::Store(s[c], d, to.gains[c][v] + u);
+    }
+  }
+  return any;
+}
+
+// Even pixels have a factor of their own, odd ones lie between two: the same down a column.
+HWY_INLINE Pair GainAt(const TileGains& of, int c, int y, int u) {
+  const D d;
+  const float* above = of.gains[c][y / 2] + u;
+  const float* below = of.gains[c][(y + 1) / 2] + u;
+  const V half = hn::Set(d, 0.5f);
+  const V here = hn::Mul(half, hn::Add(hn::Load(d, above), hn::Load(d, below)));
+  const V next = hn::Mul(half, hn::Add(hn::LoadU(d, above + 1), hn::LoadU(d, below + 1)));
+  return {here, hn::Mul(half, hn::Add(here, next))};
+}
+
+// YcbcrToRgb and RgbToYcbcr (proto/codec/yuv_image.h) with the gains between. luma becomes what it will be,
+// blue and red are added to.
+HWY_INLINE void Relit(const V (&gain)[3], V cb, V cr, V& luma, V& blue, V& red) {
+  const D d;
+  const V offset = hn::Set(d, kOffset);
+  const V code = hn::Add(luma, offset);
+  const V r = hn::Mul(gain[0], hn::MulAdd(hn::Set(d, 1.402f), cr, code));
+  const V g = hn::Mul(
+      gain[1], hn::NegMulAdd(hn::Set(d, 0.344136f), cb, hn::NegMulAdd(hn::Set(d, 0.714136f), cr, code)));
+  const V b = hn::Mul(gain[2], hn::MulAdd(hn::Set(d, 1.772f), cb, code));
+  const V scaled =
+      hn::MulAdd(hn::Set(d, 0.299f), r, hn::MulAdd(hn::Set(d, 0.587f), g, hn::Mul(hn::Set(d, 0.114f), b)));
+  luma = hn::Sub(scaled, offset);
+  blue = hn::MulAdd(hn::Set(d, 0.564334f), hn::Sub(b, scaled), blue);
+  red = hn::MulAdd(hn::Set(d, 0.713267f), hn::Sub(r, scaled), red);
+}
+
+void RelightOne(const RelightTile& in) {
+  const D d;
+  const cv::Rect& tile = in.box;
+  const YuvImage& color = *in.color;
+  const int shift_x = ChromaShiftX(color.layout), shift_y = ChromaShiftY(color.layout);
+  const V none = hn::Set(d, 128.0f);
+  const auto chroma = [&](const cv::Mat1b& plane, int y, int u) HWY_ATTR {
+    const std::uint8_t* row = plane[y >> shift_y] + (tile.x >> shift_x);
+    Pair codes;
+    if (shift_x == 0) {
+      codes = LoadPair(row + 2 * u);
+    } else {
+      codes.even = codes.odd = Numbers(hn::LoadU(DByte(), row + u));
+    }
+    return Pair{hn::Sub(codes.even, none), hn::Sub(codes.odd, none)};
+  };
+  // A sample is the mean of its pixels. sum: of rows.
+  const auto store = [&](const Pair& sum, int rows, cv::Mat1b& plane, int y, int u) HWY_ATTR {
+    std::uint8_t* row = plane[y >> shift_y] + (tile.x >> shift_x);
+    const V share = hn::Set(d, 1.0f / static_cast<float>(rows << shift_x));
+    if (shift_x == 0) {
+      StorePair({hn::MulAdd(share, sum.even, none), hn::MulAdd(share, sum.odd, none)}, row + 2 * u);
+    } else {
+      hn::StoreU(Codes(hn::MulAdd(share, hn::Add(sum.even, sum.odd), none)), DByte(), row + u);
+    }
+  };
+  for (int y0 = tile.y; y0 < tile.br().y; y0 += 1 << shift_y) {
+    const int rows = std::min(1 << shift_y, tile.br().y - y0);
+    for (int u = 0; u < LightMap::kTile; u += static_cast<int>(hn::Lanes(d))) {
+      const Pair cb = chroma(color.cb, y0, u), cr = chroma(color.cr, y0, u);
+      Pair blue = {hn::Zero(d), hn::Zero(d)}, red = blue;
+      for (int y = y0; y < y0 + rows; ++y) {
+        V even[3], odd[3];
+        for (int c = 0; c < 3; ++c) {
+          const Pair gain = GainAt(*in.room, c, y - tile.y, u);
+          even[c] = gain.even;
+          odd[c] = gain.odd;
+        }
+        if (!in.alpha.empty()) {
+          const Pair covered = LoadPair(in.alpha.row(y) + tile.x + 2 * u);
+          const V part = hn::Set(d, 1 / 255.0f);
+          for (int c = 0; c < 3; ++c) {
+            const Pair actor = GainAt(*in.actor, c, y - tile.y, u);
+            even[c] = hn::MulAdd(hn::Mul(covered.even, part), hn::Sub(actor.even, even[c]), even[c]);
+            odd[c] = hn::MulAdd(hn::Mul(covered.odd, part), hn::Sub(actor.odd, odd[c]), odd[c]);
+          }
+        }
+        Pair luma = LoadPair(color.y[y] + tile.x + 2 * u);
+        Relit(even, cb.even, cr.even, luma.even, blue.even, red.even);
+        Relit(odd, cb.odd, cr.odd, luma.odd, blue.odd, red.odd);
+        StorePair(luma, in.lit->y[y] + tile.x + 2 * u);
+      }
+      store(blue, rows, in.lit->cb, y0, u);
+      store(red, rows, in.lit->cr, y0, u);
+    }
+  }
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace mixstage
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace mixstage {
+
+HWY_EXPORT(GainsOf);
+HWY_EXPORT(RelightOne);
+
+namespace {
+
+// Squares of the full picture, even-aligned.
+template <typename Each>
+void ForTouched(const LightMap& map, cv::Size size, Each each) {
+  for (int v = 0; v < map.touched.rows; ++v) {
+    for (int u = 0; u < map.touched.cols; ++u) {
+      if (map.touched(v, u) != 0) each(cv::Rect(u * kSide, v * kSide, kSide, kSide) & cv::Rect({}, size));
+    }
+  }
+}
 
 // A factor at a pixel of the full picture: even pixels are the factor's own, odd ones lie between them.
 cv::Vec3f FactorAt(const cv::Mat3f& factors, int x, int y) {
@@ -34,151 +239,34 @@ cv::Vec3f PixelFactor(const LightMap& map, const std::uint8_t* alpha, int x, int
   return (1 - share) * FactorAt(map.room, x, y) + share * FactorAt(map.actor, x, y);
 }
 
-// sRGB codes are E = 1.055 L^(1/2.4) - 0.055 but for the darkest ten: light scaled by s gives
-// g (E + 0.055) - 0.055 with g = s^(1/2.4), and Y'CbCr is linear in that.
-constexpr float kOffset = 0.055f * 255;
-// g by a table of s, s in 0..1.
-float CodeGain(float s) {
-  constexpr int kSteps = 4096;
-  static const auto gains = [] {
-    std::array<float, kSteps + 1> table;
-    for (std::size_t i = 0; i <= kSteps; ++i) table[i] = std::pow(static_cast<float>(i) / kSteps, 1 / 2.4f);
-    return table;
-  }();
-  return gains[static_cast<std::size_t>(std::clamp(s, 0.0f, 1.0f) * kSteps + 0.5f)];
+// The part of a plane that a square covers, of chroma by its shifts.
+cv::Rect PartOf(const cv::Rect& tile, int shift_x, int shift_y) {
+  return {tile.x >> shift_x, tile.y >> shift_y, (tile.width + shift_x) >> shift_x,
+          (tile.height + shift_y) >> shift_y};
 }
 
-float Code(float value) { return std::min(std::max(value + 0.5f, 0.0f), 255.0f); }
-
-// The gains of a square's factors, and of the column and row after it.
-struct TileGains {
-  static constexpr int kStride = LightMap::kTile + 1;
-  float gains[3][kStride][kStride];
-  bool any = false;
-
-  void Ones() {
-    any = false;
-    std::fill_n(&gains[0][0][0], 3 * kStride * kStride, 1.0f);
-  }
-  void Of(const cv::Mat3f& factors, const cv::Rect& tile) {
-    any = false;
-    for (int v = 0; v < kStride; ++v) {
-      const cv::Vec3f* row = factors[std::min(tile.y / 2 + v, factors.rows - 1)];
-      for (int u = 0; u < kStride; ++u) {
-        const cv::Vec3f& s = row[std::min(tile.x / 2 + u, factors.cols - 1)];
-        const bool changed = s[0] != 1 || s[1] != 1 || s[2] != 1;
-        for (int c = 0; c < 3; ++c) gains[c][v][u] = changed ? CodeGain(s[c]) : 1;
-        any = any || changed;
-      }
-    }
-  }
-  // FactorAt's mean along a row that counts from the square's top.
-  void At(int y, int c, float* out) const {
-    const float* above = gains[c][y / 2];
-    const float* below = gains[c][y / 2 + (y & 1)];
-    float mean[kStride];
-    for (int u = 0; u < kStride; ++u) mean[u] = 0.5f * (above[u] + below[u]);
-    for (int u = 0; u < LightMap::kTile; ++u) {
-      out[2 * u] = mean[u];
-      out[2 * u + 1] = 0.5f * (mean[u] + mean[u + 1]);
-    }
-  }
-};
-
-}  // namespace
-
-// What a square is made from and to.
-struct RelightTile {
-  cv::Rect box;
-  const TileGains* room;
-  const TileGains* actor;
-  ImageView<const std::uint8_t> alpha;
-  const YuvImage* color;
-  YuvImage* lit;
-};
-
-}  // namespace mixstage
-#endif
-
-HWY_BEFORE_NAMESPACE();
-namespace mixstage {
-namespace HWY_NAMESPACE {
-
-// Plain loops over whole rows of a square: the compiler makes vectors of each target's width of them.
-void RelightOne(const RelightTile& in) {
-  const cv::Rect& tile = in.box;
-  const YuvImage& color = *in.color;
-  const int shift_x = ChromaShiftX(color.layout), shift_y = ChromaShiftY(color.layout);
-  const int block_w = 1 << shift_x, block_h = 1 << shift_y;
-  float gain[3][kSide], actor_gain[3][kSide];
-  float luma[kSide] = {}, blue[kSide] = {}, red[kSide] = {}, sum_blue[kSide], sum_red[kSide];
-  for (int y0 = tile.y; y0 < tile.br().y; y0 += block_h) {
-    const std::uint8_t* cb = color.cb[y0 >> shift_y] + (tile.x >> shift_x);
-    const std::uint8_t* cr = color.cr[y0 >> shift_y] + (tile.x >> shift_x);
-    for (int x = 0; x < tile.width; ++x) {
-      blue[x] = static_cast<float>(cb[x >> shift_x] - 128);
-      red[x] = static_cast<float>(cr[x >> shift_x] - 128);
-    }
-    std::fill_n(sum_blue, kSide, 0.0f);
-    std::fill_n(sum_red, kSide, 0.0f);
-    const int rows = std::min(block_h, color.height() - y0);
-    for (int y = y0; y < y0 + rows; ++y) {
-      for (int c = 0; c < 3; ++c) in.room->At(y - tile.y, c, gain[c]);
-      if (!in.alpha.empty()) {
-        const std::uint8_t* covered = in.alpha.row(y) + tile.x;
-        for (int c = 0; c < 3; ++c) {
-          in.actor->At(y - tile.y, c, actor_gain[c]);
-          for (int x = 0; x < tile.width; ++x)
-            gain[c][x] += static_cast<float>(covered[x]) * (1 / 255.0f) * (actor_gain[c][x] - gain[c][x]);
-        }
-      }
-      const std::uint8_t* from = color.y[y] + tile.x;
-      for (int x = 0; x < tile.width; ++x) luma[x] = static_cast<float>(from[x]) + kOffset;
-      for (int x = 0; x < kSide; ++x) {
-        // YcbcrToRgb and RgbToYcbcr (proto/codec/yuv_image.h) with the gains between.
-        const float r = gain[0][x] * (luma[x] + 1.402f * red[x]);
-        const float g = gain[1][x] * (luma[x] - 0.344136f * blue[x] - 0.714136f * red[x]);
-        const float b = gain[2][x] * (luma[x] + 1.772f * blue[x]);
-        const float scaled = 0.299f * r + 0.587f * g + 0.114f * b;
-        luma[x] = Code(scaled - kOffset);
-        sum_blue[x] += 0.564334f * (b - scaled);
-        sum_red[x] += 0.713267f * (r - scaled);
-      }
-      std::uint8_t* to = in.lit->y[y] + tile.x;
-      for (int x = 0; x < tile.width; ++x) to[x] = static_cast<std::uint8_t>(luma[x]);
-    }
-    // A chroma sample is the mean over its luma pixels.
-    for (int x0 = 0; x0 < tile.width; x0 += block_w) {
-      const int columns = std::min(block_w, tile.width - x0);
-      const auto mean = [&](const float* sum) HWY_ATTR {
-        const float all = columns == 2 ? sum[x0] + sum[x0 + 1] : sum[x0];
-        return static_cast<std::uint8_t>(Code(128 + all / static_cast<float>(columns * rows)));
-      };
-      in.lit->cb(y0 >> shift_y, (tile.x + x0) >> shift_x) = mean(sum_blue);
-      in.lit->cr(y0 >> shift_y, (tile.x + x0) >> shift_x) = mean(sum_red);
-    }
-  }
-}
-
-}  // namespace HWY_NAMESPACE
-}  // namespace mixstage
-HWY_AFTER_NAMESPACE();
-
-#if HWY_ONCE
-namespace mixstage {
-
-HWY_EXPORT(RelightOne);
-
-namespace {
-
-// Squares of the full picture, even-aligned.
-template <typename Each>
-void ForTouched(const LightMap& map, cv::Size size, Each each) {
-  for (int v = 0; v < map.touched.rows; ++v) {
-    for (int u = 0; u < map.touched.cols; ++u) {
-      if (map.touched(v, u) != 0) each(cv::Rect(u * kSide, v * kSide, kSide, kSide) & cv::Rect({}, size));
-    }
-  }
+// A square at the picture's right edge goes on as it ends, beside the picture.
+void RelightNarrow(const RelightTile& in) {
+  const int shift_x = ChromaShiftX(in.color->layout), shift_y = ChromaShiftY(in.color->layout);
+  const cv::Rect luma = PartOf(in.box, 0, 0), chroma = PartOf(in.box, shift_x, shift_y);
+  const auto wide = [](const cv::Mat1b& plane, const cv::Rect& part, int width) {
+    cv::Mat1b whole;
+    cv::copyMakeBorder(plane(part), whole, 0, 0, 0, width - part.width, cv::BORDER_REPLICATE);
+    return whole;
+  };
+  YuvImage color, lit;
+  color.layout = in.color->layout;
+  color.y = wide(in.color->y, luma, kSide);
+  color.cb = wide(in.color->cb, chroma, kSide >> shift_x);
+  color.cr = wide(in.color->cr, chroma, kSide >> shift_x);
+  lit.Create(kSide, in.box.height, color.layout);
+  cv::Mat1b alpha;
+  if (!in.alpha.empty()) alpha = wide(AsMat(in.alpha), luma, kSide);
+  HWY_DYNAMIC_DISPATCH(RelightOne)
+  ({{0, 0, kSide, in.box.height}, in.room, in.actor, View(std::as_const(alpha)), &color, &lit});
+  lit.y(cv::Rect({}, luma.size())).copyTo(in.lit->y(luma));
+  lit.cb(cv::Rect({}, chroma.size())).copyTo(in.lit->cb(chroma));
+  lit.cr(cv::Rect({}, chroma.size())).copyTo(in.lit->cr(chroma));
 }
 
 }  // namespace
@@ -192,11 +280,19 @@ void RelightPicture(const LightMap& map, ImageView<const std::uint8_t> alpha, co
   color.cr.copyTo(lit.cr);
   TileGains room, actor;
   ForTouched(map, {w, h}, [&](const cv::Rect& tile) {
-    room.Of(map.room, tile);
-    const cv::Rect factors(tile.x / 2, tile.y / 2, TileGains::kStride, TileGains::kStride);
-    (factors & map.actor_bounds).empty() ? actor.Ones() : actor.Of(map.actor, tile);
-    if (!room.any && !actor.any) return;
-    HWY_DYNAMIC_DISPATCH(RelightOne)({tile, &room, &actor, alpha, &color, &lit});
+    const bool room_dims = HWY_DYNAMIC_DISPATCH(GainsOf)(map.room, tile.tl(), room);
+    const cv::Rect factors(tile.x / 2, tile.y / 2, TileGains::kRows, TileGains::kRows);
+    bool actor_dims = false;
+    if (!alpha.empty()) {
+      if ((factors & map.actor_bounds).empty()) {
+        actor.Ones();
+      } else {
+        actor_dims = HWY_DYNAMIC_DISPATCH(GainsOf)(map.actor, tile.tl(), actor);
+      }
+    }
+    if (!room_dims && !actor_dims) return;
+    const RelightTile square = {tile, &room, &actor, alpha, &color, &lit};
+    tile.width == kSide ? HWY_DYNAMIC_DISPATCH(RelightOne)(square) : RelightNarrow(square);
   });
 }
 
@@ -234,8 +330,8 @@ cv::Mat3b LightMapPicture(const LightMap& map, ImageView<const std::uint8_t> alp
 cv::Mat3b OnWhite(const cv::Mat3b& light_map) {
   cv::Mat1b codes(1, 256);
   for (int i = 0; i < 256; ++i)
-    codes(0, i) =
-        cv::saturate_cast<std::uint8_t>((255 + kOffset) * CodeGain(static_cast<float>(i) / 255) - kOffset);
+    codes(0, i) = cv::saturate_cast<std::uint8_t>(
+        (255 + kOffset) * std::pow(static_cast<float>(i) / 255, 1 / 2.4f) - kOffset);
   cv::Mat3b picture;
   cv::LUT(light_map, codes, picture);
   return picture;

@@ -7,6 +7,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "proto/base/check.h"
+#include "proto/base/image_mat.h"
 #include "server/composite/mix.h"
 
 namespace mixstage {
@@ -173,8 +174,7 @@ void ZKey::PrepareActor(const ZKeyInput& in) {
   actor_mm_.create(actor_z_.size());
   if (right == 0) return;
   const cv::Rect box(left / 2, top / 2, (right + 1) / 2 - left / 2, (bottom + 1) / 2 - top / 2);
-  const cv::Mat1f z(actor_z_.rows, actor_z_.cols, const_cast<float*>(in.actor_depth_m.data()),
-                    static_cast<std::size_t>(in.actor_depth_m.stride()) * sizeof(float));
+  const cv::Mat1f z = AsMat(in.actor_depth_m);
   cv::Mat1f around = actor_z_(box);
   cv::dilate(z(box), around, cv::Mat());  // reads beyond the box where the picture goes on
   for (int y = box.y; y < box.br().y; ++y) {

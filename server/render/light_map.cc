@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "proto/base/check.h"
+#include "proto/base/image_mat.h"
 
 namespace mixstage {
 namespace {
@@ -175,10 +176,7 @@ void LightMapper::PlaceActor(const LightMapInput& in) {
   actor_shape_ = nullptr;
   for (Lamp& lamp : lamps_) lamp.actor.Clear();
   if (in.actor_depth_m.empty() || objects_.empty()) return;
-  const cv::Mat1f depth(in.actor_depth_m.height(), in.actor_depth_m.width(),
-                        const_cast<float*>(in.actor_depth_m.data()),
-                        static_cast<std::size_t>(in.actor_depth_m.stride()) * sizeof(float));
-  const ShadowShape& shape = actor_.Run(rays_, depth, in.T_scene_color);
+  const ShadowShape& shape = actor_.Run(rays_, AsMat(in.actor_depth_m), in.T_scene_color);
   if (shape.indices.empty()) return;
   actor_shape_ = &shape;
   const ShadowCaster caster{

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "proto/base/check.h"
+#include "proto/base/image_mat.h"
 #include "proto/base/log.h"
 #include "server/render/spread.h"
 #include "server/render/srgb.h"
@@ -285,10 +286,7 @@ bool Reflections::MaySee(const Mirror& mirror, const Eigen::AlignedBox3d& box, c
 }
 
 bool Reflections::ShapeTheActor(const ReflectionInput& in) {
-  const cv::Mat1f depth(in.actor_depth_m.height(), in.actor_depth_m.width(),
-                        const_cast<float*>(in.actor_depth_m.data()),
-                        static_cast<std::size_t>(in.actor_depth_m.stride()) * sizeof(float));
-  actor_shape_ = &actor_.Run(even_rays_, depth, in.T_scene_color);
+  actor_shape_ = &actor_.Run(even_rays_, AsMat(in.actor_depth_m), in.T_scene_color);
   return !actor_shape_->indices.empty();
 }
 

@@ -9,6 +9,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "proto/base/check.h"
+#include "proto/base/image_mat.h"
 #include "server/segmentation/enlarge.h"
 
 #undef HWY_TARGET_INCLUDE
@@ -278,9 +279,7 @@ void EdgeCoverage::Smooth(cv::Mat1b* mask, ImageView<std::uint8_t> alpha) {
   const cv::Rect half = cv::boundingRect(band_);
   const cv::Rect box = cv::Rect(2 * half.x - 1, 2 * half.y - 1, 2 * half.width + 2, 2 * half.height + 2) &
                        cv::Rect(0, 0, alpha.width(), alpha.height());
-  const cv::Mat1b whole(alpha.height(), alpha.width(), alpha.data(),
-                        static_cast<std::size_t>(alpha.stride()));
-  whole(box).copyTo(solved_);
+  AsMat(alpha)(box).copyTo(solved_);
   cv::medianBlur(solved_, smooth_, 3);
   for (const cv::Point& at : band_) {
     int sum = 0;

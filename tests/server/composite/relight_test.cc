@@ -66,6 +66,57 @@ TEST(Relight, ColoredFactorsColor) {
   EXPECT_EQ(OnWhite(half)(0, 0), cv::Vec3b::all(255));
 }
 
+// Y'CbCr of a pixel whose R G B are scaled in linear light.
+cv::Vec3f Scaled(const cv::Vec3f& code, const cv::Vec3f& factor) {
+  constexpr float kOffset = 0.055f * 255;
+  const float cb = code[1] - 128, cr = code[2] - 128;
+  cv::Vec3f rgb(code[0] + 1.402f * cr, code[0] - 0.344136f * cb - 0.714136f * cr, code[0] + 1.772f * cb);
+  for (int c = 0; c < 3; ++c) rgb[c] = std::pow(factor[c], 1 / 2.4f) * (rgb[c] + kOffset) - kOffset;
+  const float y = 0.299f * rgb[0] + 0.587f * rgb[1] + 0.114f * rgb[2];
+  return {y, 128 + 0.564334f * (rgb[2] - y), 128 + 0.713267f * (rgb[0] - y)};
+}
+
+// Every layout, and a last square that is neither whole nor even.
+TEST(Relight, EveryPixelIsScaledAsOneByItself) {
+  const cv::Size size(77, 45), half(39, 23);
+  cv::RNG rng(5);
+  LightMap map;
+  map.room = cv::Mat3f(half, cv::Vec3f(0.2f, 0.5f, 0.9f));
+  map.actor = cv::Mat3f(half, cv::Vec3f(1.0f, 0.05f, 0.6f));
+  map.actor_bounds = {{}, half};
+  map.touched = cv::Mat1b(2, 3, std::uint8_t{255});
+  cv::Mat1b alpha(size);
+  rng.fill(alpha, cv::RNG::UNIFORM, 0, 2);
+  alpha *= 255;
+  for (const ChromaLayout layout : {ChromaLayout::k444, ChromaLayout::k422, ChromaLayout::k420}) {
+    YuvImage color, lit;
+    color.Create(size.width, size.height, layout);
+    rng.fill(color.y, cv::RNG::UNIFORM, 40, 216);
+    rng.fill(color.cb, cv::RNG::UNIFORM, 100, 156);
+    rng.fill(color.cr, cv::RNG::UNIFORM, 100, 156);
+    RelightPicture(map, View(std::as_const(alpha)), color, lit);
+    const int shift_x = ChromaShiftX(layout), shift_y = ChromaShiftY(layout);
+    cv::Mat2f sum(color.cb.size(), cv::Vec2f(0, 0));
+    cv::Mat1f count(color.cb.size(), 0.0f);
+    for (int y = 0; y < size.height; ++y) {
+      for (int x = 0; x < size.width; ++x) {
+        const int u = x >> shift_x, v = y >> shift_y;
+        const cv::Vec3f code(color.y(y, x), color.cb(v, u), color.cr(v, u));
+        const cv::Vec3f wanted = Scaled(code, alpha(y, x) != 0 ? map.actor(0, 0) : map.room(0, 0));
+        ASSERT_NEAR(lit.y(y, x), wanted[0], 0.7) << x << " " << y;
+        sum(v, u) += cv::Vec2f(wanted[1], wanted[2]);
+        count(v, u) += 1;
+      }
+    }
+    for (int v = 0; v < sum.rows; ++v) {
+      for (int u = 0; u < sum.cols; ++u) {
+        ASSERT_NEAR(lit.cb(v, u), sum(v, u)[0] / count(v, u), 0.7) << u << " " << v;
+        ASSERT_NEAR(lit.cr(v, u), sum(v, u)[1] / count(v, u), 0.7) << u << " " << v;
+      }
+    }
+  }
+}
+
 TEST(Relight, LayersKeepTheirCoverage) {
   LightMap map = HalfDimmed({20, 15});
   map.cg.setTo(cv::Scalar(0.25, 0.5, 1));
