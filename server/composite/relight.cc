@@ -251,7 +251,8 @@ void RelightNarrow(const RelightTile& in) {
   const cv::Rect luma = PartOf(in.box, 0, 0), chroma = PartOf(in.box, shift_x, shift_y);
   const auto wide = [](const cv::Mat1b& plane, const cv::Rect& part, int width) {
     cv::Mat1b whole;
-    cv::copyMakeBorder(plane(part), whole, 0, 0, 0, width - part.width, cv::BORDER_REPLICATE);
+    cv::copyMakeBorder(plane(part), whole, 0, 0, 0, width - part.width,
+                       cv::BORDER_REPLICATE | cv::BORDER_ISOLATED);
     return whole;
   };
   YuvImage color, lit;

@@ -249,6 +249,21 @@ std::optional<LightMapper::Point> LightMapper::PointAt(const Depth& depth, int x
   return Point{R_ * p + t_, (R_ * normal).normalized()};
 }
 
+template <typename Depth>
+void LightMapper::FindPoints(const Depth& depth, const cv::Rect& box, int step) {
+  found_.clear();
+  for (int y = box.y; y < box.br().y; y += step) {
+    for (int x = box.x; x < box.br().x; x += step) {
+      if (const auto at = PointAt(depth, x, y)) found_.push_back({x, y, *at});
+    }
+  }
+}
+
+void LightMapper::Raise(float by_m) {
+  points_.count = 0;
+  for (const Found& found : found_) points_.Add(found.at.position + by_m * found.at.normal);
+}
+
 cv::Vec3f LightMapper::FactorOf(const Tile& tile, std::size_t spot, const float* actor_lit) const {
   const std::size_t lamps = lamps_.size();
   Eigen::Array3f seen = tile.spots[spot].seen.array(), kept = tile.spots[spot].ambient.array();
@@ -300,6 +315,23 @@ void LightMapper::Fill(const Tile& tile, const std::vector<cv::Vec3f>& factor, B
   }
 }
 
+// What is dimmed by less than is seen stays as it is.
+void LightMapper::DropUnseen(Tile& tile) const {
+  const std::size_t lamps = lamps_.size();
+  std::size_t left = 0;
+  for (std::size_t k = 0; k < tile.spots.size(); ++k) {
+    const cv::Vec3f factor = FactorOf(tile, k, nullptr);
+    if (std::min({factor[0], factor[1], factor[2]}) > kUnseen) continue;
+    tile.spots[left] = tile.spots[k];
+    std::copy_n(tile.seen.data() + k * lamps, lamps, tile.seen.data() + left * lamps);
+    std::copy_n(tile.kept.data() + k * lamps, lamps, tile.kept.data() + left * lamps);
+    ++left;
+  }
+  tile.spots.resize(left);
+  tile.seen.resize(left * lamps);
+  tile.kept.resize(left * lamps);
+}
+
 void LightMapper::Close(Tile tile, std::vector<Tile>& to, Beside beside, cv::Mat3f& factors) {
   if (tile.spots.empty()) return;
   Eigen::AlignedBox3f box;
@@ -318,11 +350,7 @@ void LightMapper::Close(Tile tile, std::vector<Tile>& to, Beside beside, cv::Mat
 
 bool LightMapper::Shade(std::vector<Tile>& tiles, Beside beside, cv::Mat3f& factors) {
   bool any = false;
-  int number = 0;
-  block_of_tile_.fill(number);
-  block_share_.resize(block_of_tile_.size() * lamps_.size());
   for (Tile& tile : tiles) {
-    ++number;
     shaded_.assign(lamps_.size(), 0);
     bool reached = false;
     for (std::size_t i = 0; actor_shape_ != nullptr && i < lamps_.size(); ++i) {
@@ -332,28 +360,39 @@ bool LightMapper::Shade(std::vector<Tile>& tiles, Beside beside, cv::Mat3f& fact
     if (!reached && !tile.changed) continue;
     any = true;
     tile.changed = reached;
+    // The actor's shape is coarse: of four neighbours in a square the others are shaded as the first.
+    std::array<int, kTile * kTile / 4> point_of;
+    point_of.fill(-1);
+    const auto block = [&](const Spot& spot) -> int& {
+      const int number = (spot.y - tile.box.y) / 2 * (kTile / 2) + (spot.x - tile.box.x) / 2;
+      return point_of[static_cast<std::size_t>(number)];
+    };
+    points_.count = 0;
+    for (const Spot& spot : tile.spots) {
+      if (block(spot) >= 0) continue;
+      block(spot) = static_cast<int>(points_.count);
+      points_.Add(spot.position);
+    }
+    ShareOf(&Lamp::actor, kOffActor_m, &shaded_, share_);
     factor_.clear();
     for (std::size_t k = 0; k < tile.spots.size(); ++k) {
-      const Spot& spot = tile.spots[k];
-      // The actor's shape is coarse: of four neighbours in a square the others are shaded as the first.
-      const auto block =
-          static_cast<std::size_t>((spot.y - tile.box.y) / 2 * (kTile / 2) + (spot.x - tile.box.x) / 2);
-      float* share = block_share_.data() + block * lamps_.size();
-      if (block_of_tile_[block] != number) {
-        block_of_tile_[block] = number;
-        for (std::size_t i = 0; i < lamps_.size(); ++i) {
-          share[i] =
-              shaded_[i] != 0 && tile.seen[k * lamps_.size() + i] + tile.kept[k * lamps_.size() + i] > 0
-                  ? lamps_[i].actor.Lit(spot.position, kOffActor_m)
-                  : 1.0f;
-        }
-      }
+      const float* share = share_.data() + static_cast<std::size_t>(block(tile.spots[k])) * lamps_.size();
       const bool shaded = std::any_of(share, share + lamps_.size(), [](float lit) { return lit < 1; });
-      factor_.push_back(shaded ? FactorOf(tile, k, share) : spot.factor);
+      factor_.push_back(shaded ? FactorOf(tile, k, share) : tile.spots[k].factor);
     }
     Fill(tile, factor_, beside, factors);
   }
   return any;
+}
+
+void LightMapper::ShareOf(ShadowMap Lamp::*map, float bias_m, const Lamps* matter,
+                          std::vector<float>& share) {
+  share.assign(points_.count * lamps_.size(), 1.0f);
+  for (std::size_t i = 0; i < lamps_.size(); ++i) {
+    if ((matter != nullptr && (*matter)[i] == 0) || (lamps_[i].*map).empty()) continue;
+    (lamps_[i].*map).Lit(points_, bias_m, lit_);
+    for (std::size_t k = 0; k < points_.count; ++k) share[k * lamps_.size() + i] = lit_[k];
+  }
 }
 
 template <typename Depth>
@@ -430,41 +469,39 @@ void LightMapper::LightRoom(const LightMapInput& in, Renew renew) {
       coarse = step_ > 1 ? 255 : 0;
       Tile tile;
       tile.box = box;
+      FindPoints(depth, box, step_);
+      Raise(kOffCg_m);
+      ShareOf(&Lamp::cg, 0, &shaded_, share_);
       // What moves is seen for a moment only: ambient light is hidden in blocks.
       std::array<std::optional<float>, kTile * kTile / 16> hides;
-      for (int y = y0; y < tile.box.br().y; y += step_) {
-        for (int x = x0; x < tile.box.br().x; x += step_) {
-          const auto at = PointAt(depth, x, y);
-          if (!at) continue;
-          const Eigen::Vector3f raised = at->position + kOffCg_m * at->normal;
-          bool shaded = false;
-          for (std::size_t i = 0; i < lamps; ++i) {
-            share_[i] = shaded_[i] != 0 ? lamps_[i].cg.Lit(raised, 0) : 1.0f;
-            shaded = shaded || share_[i] < 1;
-          }
-          auto& block = hides[static_cast<std::size_t>((y - y0) / 4 * (kTile / 4) + (x - x0) / 4)];
-          if (step_ == 1 || !block) block = HiddenAmbient({raised, at->normal});
-          const float hidden = *block;
-          if (!shaded && hidden < kLeastHidden) continue;
-          const Eigen::Vector3f ambient = light_.ambient.At(at->normal);
-          tile.spots.push_back(
-              {x, y, step_, at->position, ambient, (1 - (1 - kGivenBack) * hidden) * ambient, {}});
-          const Eigen::Vector3f off_room = at->position + kOffRoom_m * at->normal;
-          for (std::size_t i = 0; i < lamps; ++i) {
-            const LampSample::Incident incident = lamps_[i].sample.At(at->position);
-            float received = incident.share * std::max(0.0f, at->normal.dot(incident.toward));
-            if (received > 0) received *= lamps_[i].room.Lit(off_room, kOffRoom_m);
-            tile.seen.push_back(received);
-            tile.kept.push_back(received * share_[i]);
-          }
-          const cv::Vec3f factor = FactorOf(tile, tile.spots.size() - 1, nullptr);
-          if (std::min({factor[0], factor[1], factor[2]}) > kUnseen) {
-            tile.spots.pop_back();
-            tile.seen.resize(lamps * tile.spots.size());
-            tile.kept.resize(lamps * tile.spots.size());
-          }
+      std::size_t left = 0;
+      for (std::size_t k = 0; k < found_.size(); ++k) {
+        const auto& [x, y, at] = found_[k];
+        const float* share = share_.data() + k * lamps;
+        auto& block = hides[static_cast<std::size_t>((y - y0) / 4 * (kTile / 4) + (x - x0) / 4)];
+        if (step_ == 1 || !block) block = HiddenAmbient({at.position + kOffCg_m * at.normal, at.normal});
+        const bool shaded = std::any_of(share, share + lamps, [](float lit) { return lit < 1; });
+        if (!shaded && *block < kLeastHidden) continue;
+        const Eigen::Vector3f ambient = light_.ambient.At(at.normal);
+        tile.spots.push_back(
+            {x, y, step_, at.position, ambient, (1 - (1 - kGivenBack) * *block) * ambient, {}});
+        std::copy_n(share, lamps, share_.data() + left * lamps);
+        found_[left++] = found_[k];
+      }
+      found_.resize(left);
+      Raise(kOffRoom_m);
+      ShareOf(&Lamp::room, kOffRoom_m, nullptr, room_share_);
+      for (std::size_t k = 0; k < left; ++k) {
+        const Point& at = found_[k].at;
+        for (std::size_t i = 0; i < lamps; ++i) {
+          const LampSample::Incident incident = lamps_[i].sample.At(at.position);
+          const float facing = std::max(0.0f, at.normal.dot(incident.toward));
+          const float received = incident.share * facing * room_share_[k * lamps + i];
+          tile.seen.push_back(received);
+          tile.kept.push_back(received * share_[k * lamps + i]);
         }
       }
+      DropUnseen(tile);
       Close(std::move(tile), room_, Beside::kLit, map_.room);
     }
   }
@@ -484,27 +521,27 @@ void LightMapper::LightActor(const LightMapInput& in) {
       Touch(tile->box, map_.touched);
       // His depth comes from a coarser grid than that; what hides ambient light from him changes slowly.
       std::array<std::optional<float>, kTile * kTile / 16> hidden;
-      for (int y = y0; y < tile->box.br().y; y += 2) {
-        for (int x = x0; x < tile->box.br().x; x += 2) {
-          const auto at = PointAt(depth, x, y);
-          if (!at) continue;
-          const Eigen::Vector3f ambient = light_.ambient.At(at->normal);
-          auto& hides = hidden[static_cast<std::size_t>((y - y0) / 4 * (kTile / 4) + (x - x0) / 4)];
-          if (!hides) hides = HiddenAmbient(*at);
-          Eigen::Vector3f seen = ambient;
-          Eigen::Vector3f kept = (1 - (1 - kGivenBack) * *hides) * ambient;
-          for (std::size_t i = 0; i < lamps_.size(); ++i) {
-            const LampSample::Incident incident = lamps_[i].sample.At(at->position);
-            const float received = incident.share * at->normal.dot(incident.toward);
-            if (!(received > 0)) continue;
-            seen += received * lamps_[i].sample.strength;
-            const float lit = shaded_[i] != 0 ? lamps_[i].cg.Lit(at->position, kOffCg_m) : 1.0f;
-            kept += received * lit * lamps_[i].sample.strength;
-          }
-          cv::Vec3f s;
-          for (int c = 0; c < 3; ++c) s[c] = seen[c] > 0 ? kept[c] / seen[c] : 1.0f;
-          map_.actor(cv::Rect(x, y, 2, 2) & tile->box).setTo(cv::Scalar(s[0], s[1], s[2]));
+      FindPoints(depth, tile->box, 2);
+      Raise(0);
+      ShareOf(&Lamp::cg, kOffCg_m, &shaded_, share_);
+      for (std::size_t k = 0; k < found_.size(); ++k) {
+        const auto& [x, y, at] = found_[k];
+        const Eigen::Vector3f ambient = light_.ambient.At(at.normal);
+        auto& hides = hidden[static_cast<std::size_t>((y - y0) / 4 * (kTile / 4) + (x - x0) / 4)];
+        if (!hides) hides = HiddenAmbient(at);
+        Eigen::Vector3f seen = ambient;
+        Eigen::Vector3f kept = (1 - (1 - kGivenBack) * *hides) * ambient;
+        for (std::size_t i = 0; i < lamps_.size(); ++i) {
+          const LampSample::Incident incident = lamps_[i].sample.At(at.position);
+          const float received = incident.share * at.normal.dot(incident.toward);
+          if (!(received > 0)) continue;
+          seen += received * lamps_[i].sample.strength;
+          kept += received * share_[k * lamps_.size() + i] * lamps_[i].sample.strength;
         }
+        cv::Vec3f s;
+        for (int c = 0; c < 3; ++c) s[c] = seen[c] > 0 ? kept[c] / seen[c] : 1.0f;
+        for (int v = y; v < std::min(y + 2, tile->box.br().y); ++v)
+          for (int u = x; u < std::min(x + 2, tile->box.br().x); ++u) map_.actor(v, u) = s;
       }
     }
   }
@@ -531,25 +568,23 @@ void LightMapper::LightCg(const LightMapInput& in) {
     for (int x0 = box.x; x0 < box.br().x; x0 += kTile) {
       Tile tile;
       tile.box = cv::Rect(x0, y0, kTile, kTile) & box;
-      for (int y = y0; y < tile.box.br().y; y += step_) {
-        for (int x = x0; x < tile.box.br().x; x += step_) {
-          const auto at = PointAt(depth, x, y);
-          if (!at) continue;
-          const Eigen::Vector3f ambient = light_.ambient.At(at->normal);
-          Eigen::Vector3f shaded_as = ambient;
-          const Eigen::Vector3f raised = at->position + kOffCg_m * at->normal;
-          const Eigen::Vector3f off_room = at->position + kOffRoom_m * at->normal;
-          for (const Lamp& lamp : lamps_) {
-            const LampSample::Incident incident = lamp.sample.At(at->position);
-            float received = incident.share * std::max(0.0f, at->normal.dot(incident.toward));
-            shaded_as += received * lamp.sample.strength;
-            if (received > 0) received *= lamp.cg.Lit(raised, kOffCg_m);
-            if (received > 0) received *= lamp.room.Lit(off_room, kOffRoom_m);
-            tile.seen.push_back(0);
-            tile.kept.push_back(received);
-          }
-          tile.spots.push_back({x, y, step_, off_room, shaded_as, ambient, {}});
+      FindPoints(depth, tile.box, step_);
+      Raise(kOffCg_m);
+      ShareOf(&Lamp::cg, kOffCg_m, nullptr, share_);
+      Raise(kOffRoom_m);
+      ShareOf(&Lamp::room, kOffRoom_m, nullptr, room_share_);
+      for (std::size_t k = 0; k < found_.size(); ++k) {
+        const auto& [x, y, at] = found_[k];
+        const Eigen::Vector3f ambient = light_.ambient.At(at.normal);
+        Eigen::Vector3f shaded_as = ambient;
+        for (std::size_t i = 0; i < lamps_.size(); ++i) {
+          const LampSample::Incident incident = lamps_[i].sample.At(at.position);
+          const float received = incident.share * std::max(0.0f, at.normal.dot(incident.toward));
+          shaded_as += received * lamps_[i].sample.strength;
+          tile.seen.push_back(0);
+          tile.kept.push_back(received * share_[k * lamps_.size() + i] * room_share_[k * lamps_.size() + i]);
         }
+        tile.spots.push_back({x, y, step_, at.position + kOffRoom_m * at.normal, shaded_as, ambient, {}});
       }
       Close(std::move(tile), cg_, Beside::kUnknown, map_.cg);
     }
@@ -578,7 +613,6 @@ const LightMap& LightMapper::Run(const LightMapInput& in) {
   }
   R_ = in.T_scene_color.linear().cast<float>();
   t_ = in.T_scene_color.translation().cast<float>();
-  share_.resize(lamps_.size());
   const Made now = {in.room_revision,    lamps_revision_, objects_revision_,
                     room_maps_revision_, in.cg->drawing,  in.T_scene_color};
   const bool stands = made_.objects == now.objects && made_.lamps == now.lamps &&

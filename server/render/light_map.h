@@ -81,11 +81,14 @@ class LightMapper {
   struct Point {
     Eigen::Vector3f position, normal;
   };
+  struct Found {
+    int x, y;
+    Point at;
+  };
   struct Sphere {
     Eigen::Vector3f center = Eigen::Vector3f::Zero();
     float radius_m = -1;  // < 0: nothing is there
   };
-  static constexpr int kTileBlocks = LightMap::kTile * LightMap::kTile / 4;
   using Lamps = std::vector<std::uint8_t>;  // one a lamp: 0 = does not matter
   // A pixel of the factors that is not 1, as everything but the actor leaves it. Light is received x the
   // lamp's strength.
@@ -124,6 +127,7 @@ class LightMapper {
   // factor: of each of the tile's spots.
   static void Fill(const Tile& tile, const std::vector<cv::Vec3f>& factor, Beside beside, cv::Mat3f& factors);
   // Adds a tile whose spots are there; one without any is dropped.
+  void DropUnseen(Tile& tile) const;
   void Close(Tile tile, std::vector<Tile>& to, Beside beside, cv::Mat3f& factors);
   [[nodiscard]] cv::Vec3f FactorOf(const Tile& tile, std::size_t spot, const float* actor_lit) const;
   // What the actor changes; false: nothing, now and in the frame before.
@@ -139,6 +143,13 @@ class LightMapper {
   [[nodiscard]] Sphere SphereOf(const Depth& depth, const cv::Rect& tile) const;
   template <typename Depth>
   std::optional<Point> PointAt(const Depth& depth, int x, int y) const;
+  // Every step-th point of a square there is: found_.
+  template <typename Depth>
+  void FindPoints(const Depth& depth, const cv::Rect& box, int step);
+  // found_ above their surface: points_.
+  void Raise(float by_m);
+  // What a map of every lamp that matters (none named: of all) leaves of it at points_.
+  void ShareOf(ShadowMap Lamp::*map, float bias_m, const Lamps* matter, std::vector<float>& share);
 
   PinholeCamera color_;
   cv::Size half_;
@@ -171,9 +182,10 @@ class LightMapper {
   // Scratch.
   Lamps shaded_;
   std::vector<std::uint8_t> hiding_;  // one an object: 0 = too far away to hide ambient light
-  std::vector<float> share_;
-  std::vector<float> block_share_;  // [block of 2 x 2 in a tile][lamp] what the actor leaves of it
-  std::array<int, kTileBlocks> block_of_tile_{};  // which tile that was of
+  std::vector<Found> found_;
+  PointRun points_;
+  LitRun lit_;
+  std::vector<float> share_, room_share_;  // [point][lamp]
   std::vector<cv::Vec3f> factor_;
 };
 

@@ -149,28 +149,23 @@ bool ShadowMap::MayHide(const Eigen::Vector3f& center, float radius_m) const {
          y - reach < static_cast<float>(face.box.height);
 }
 
-float ShadowMap::Lit(const Eigen::Vector3f& p, float bias_m) const {
-  if (faces_in_use_ == 0) return 1.0f;
-  const Eigen::Vector3f d = p - position_;
-  const Face& face = faces_[directional_ ? 0 : FaceOf(d)];
-  if (!face.in_use) return 1.0f;
-  const Eigen::Vector3f q = face.R_face_scene * d;
-  if (!(q.z() > 0)) return 1.0f;
-  const float scale = face.focal_px / q.z();
-  const float x = scale * q.x() + kCenter - static_cast<float>(face.box.x);
-  const float y = scale * q.y() + kCenter - static_cast<float>(face.box.y);
-  if (!(x >= 0 && y >= 0 && x < static_cast<float>(face.box.width - 1) &&
-        y < static_cast<float>(face.box.height - 1)))
-    return 1.0f;
-  const int left = static_cast<int>(x), top = static_cast<int>(y);
-  const float across = x - static_cast<float>(left), down = y - static_cast<float>(top);
-  const float nearest = q.z() - bias_m;
-  const float* above = face.depth_m[top] + left;
-  const float* below = face.depth_m[top + 1] + left;
-  const auto lit = [&](float z) { return z < nearest ? 0.0f : 1.0f; };
-  const float of_above = lit(above[0]) + across * (lit(above[1]) - lit(above[0]));
-  const float of_below = lit(below[0]) + across * (lit(below[1]) - lit(below[0]));
-  return of_above + down * (of_below - of_above);
+void ShadowMap::Lit(const PointRun& points, float bias_m, LitRun& lit) const {
+  lit.fill(1);
+  for (std::size_t number = 0; number < faces_.size(); ++number) {
+    const Face& face = faces_[number];
+    if (!face.in_use) continue;
+    ShadowFaceView view;
+    view.number = directional_ ? -1 : static_cast<int>(number);
+    Eigen::Vector3f::Map(view.position.data()) = position_;
+    Eigen::Matrix<float, 3, 3, Eigen::RowMajor>::Map(view.R_face_scene.data()) = face.R_face_scene;
+    view.focal_px = face.focal_px;
+    view.center_px = {kCenter - static_cast<float>(face.box.x), kCenter - static_cast<float>(face.box.y)};
+    view.width = face.box.width;
+    view.height = face.box.height;
+    view.stride = static_cast<int>(face.depth_m.step1());
+    view.depth_m = face.depth_m[0];
+    LookUpShadow(view, points, bias_m, lit);
+  }
 }
 
 }  // namespace mixstage

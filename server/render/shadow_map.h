@@ -12,6 +12,7 @@
 
 #include "server/raster/rasteriser.h"
 #include "server/render/lamp_samples.h"
+#include "server/render/shadow_lookup.h"
 
 namespace mixstage {
 
@@ -46,9 +47,9 @@ class ShadowMap {
 
   // Whether any point of a sphere may be hidden from the lamp.
   [[nodiscard]] bool MayHide(const Eigen::Vector3f& center, float radius_m) const;
-  // Share 0..1 of the light that reaches p: the four pixels around it, each lit or not, blended. What stands
-  // nearer to p than bias_m casts nothing on it.
-  [[nodiscard]] float Lit(const Eigen::Vector3f& p, float bias_m) const;
+  // Share 0..1 of the light that reaches each of the points: the four pixels around it, each lit or not,
+  // blended. What stands nearer to a point than bias_m casts nothing on it.
+  void Lit(const PointRun& points, float bias_m, LitRun& lit) const;
 
  private:
   struct Face {
