@@ -308,8 +308,10 @@ void RelightLayer(const LightMap& map, const CgLayer& layer, CgLayer& lit) {
     const cv::Vec3f* factors = map.cg[(layer.bounds.y + y) / 2];
     cv::Vec4f* to = lit.color[y];
     for (int x = 0; x < layer.color.cols; ++x) {
-      const cv::Vec3f& s = factors[(layer.bounds.x + x) / 2];
-      to[x] = {from[x][0] * s[0], from[x][1] * s[1], from[x][2] * s[2], from[x][3]};
+      const float* s = factors[(layer.bounds.x + x) / 2].val;
+      const float* color = from[x].val;
+      for (int c = 0; c < 3; ++c) to[x].val[c] = color[c] * s[c];
+      to[x].val[3] = color[3];
     }
   }
 }

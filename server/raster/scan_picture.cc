@@ -19,9 +19,10 @@ void ScanPicture::Begin(int width, int height) {
   if (!touched.empty()) {
     inverse_z_(touched).setTo(0.0f);
     depth_m_(touched).setTo(0.0f);
-    triangle_(touched).setTo(-1);
+    if (ids_) triangle_(touched).setTo(-1);
   }
   touched_ = {};
+  ids_ = false;
   width_ = width;
   height_ = height;
   if (inverse_z_.cols < width + kRowPadding || inverse_z_.rows < height) {
@@ -35,6 +36,11 @@ void ScanPicture::Begin(int width, int height) {
 }
 
 ScanTarget ScanPicture::Target() {
+  ids_ = true;
+  return WholeTarget();
+}
+
+ScanTarget ScanPicture::WholeTarget() {
   MIX_CHECK(width_ > 0);  // Begin comes first
   return {inverse_z_.ptr<float>(),
           triangle_.ptr<std::int32_t>(),
@@ -46,7 +52,7 @@ ScanTarget ScanPicture::Target() {
 }
 
 ScanTarget ScanPicture::DepthTarget() {
-  ScanTarget target = Target();
+  ScanTarget target = WholeTarget();
   target.triangle = nullptr;
   return target;
 }
@@ -63,6 +69,7 @@ const VisibilityBuffer& ScanPicture::Finish() {
 
 void ScanPicture::Take(const TouchedBox& box, const float* depth_m, const std::int32_t* triangle) {
   touched_ = box;
+  ids_ = ids_ || triangle != nullptr;
   buffer_.touched = RectOf(touched_);
   const cv::Rect& r = buffer_.touched;
   const auto width = static_cast<std::size_t>(r.width);

@@ -25,11 +25,14 @@ class ScanPicture {
   void Take(const TouchedBox& box, const float* depth_m, const std::int32_t* triangle);
 
  private:
+  ScanTarget WholeTarget();
+
   int width_ = 0, height_ = 0;
   // Rows padded by kRowPadding; the buffer's pictures are parts of these.
   cv::Mat1f inverse_z_, depth_m_;
   cv::Mat1i triangle_;
   TouchedBox touched_;
+  bool ids_ = false;  // have been written where it is touched
   VisibilityBuffer buffer_;
 };
 
