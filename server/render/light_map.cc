@@ -27,6 +27,8 @@ constexpr float kHidingRadii = 4;       // an object hides less than that of it 
 // An object gives back a part of the ambient light that it hides.
 constexpr float kGivenBack = 0.3f;
 
+bool IsDim(float lit) { return lit < 1; }
+
 int HalfUp(int size) { return (size + 1) / 2; }
 
 // Whether points in a sphere may lie in the shadow of a caster inside another.
@@ -357,9 +359,7 @@ bool LightMapper::Shade(std::vector<Tile>& tiles, Beside beside, cv::Mat3f& fact
       shaded_[i] = lamps_[i].actor.MayHide(tile.center, tile.radius_m);
       reached = reached || shaded_[i] != 0;
     }
-    if (!reached && !tile.changed) continue;
-    any = true;
-    tile.changed = reached;
+    if (!reached && !tile.dimmed) continue;
     // The actor's shape is coarse: of four neighbours in a square the others are shaded as the first.
     std::array<int, kTile * kTile / 4> point_of;
     point_of.fill(-1);
@@ -374,10 +374,13 @@ bool LightMapper::Shade(std::vector<Tile>& tiles, Beside beside, cv::Mat3f& fact
       points_.Add(spot.position);
     }
     ShareOf(&Lamp::actor, kOffActor_m, &shaded_, share_);
+    const bool before = std::exchange(tile.dimmed, std::ranges::any_of(share_, IsDim));
+    if (!before && !tile.dimmed) continue;
+    any = true;
     factor_.clear();
     for (std::size_t k = 0; k < tile.spots.size(); ++k) {
       const float* share = share_.data() + static_cast<std::size_t>(block(tile.spots[k])) * lamps_.size();
-      const bool shaded = std::any_of(share, share + lamps_.size(), [](float lit) { return lit < 1; });
+      const bool shaded = std::any_of(share, share + lamps_.size(), IsDim);
       factor_.push_back(shaded ? FactorOf(tile, k, share) : tile.spots[k].factor);
     }
     Fill(tile, factor_, beside, factors);
@@ -480,7 +483,7 @@ void LightMapper::LightRoom(const LightMapInput& in, Renew renew) {
         const float* share = share_.data() + k * lamps;
         auto& block = hides[static_cast<std::size_t>((y - y0) / 4 * (kTile / 4) + (x - x0) / 4)];
         if (step_ == 1 || !block) block = HiddenAmbient({at.position + kOffCg_m * at.normal, at.normal});
-        const bool shaded = std::any_of(share, share + lamps, [](float lit) { return lit < 1; });
+        const bool shaded = std::any_of(share, share + lamps, IsDim);
         if (!shaded && *block < kLeastHidden) continue;
         const Eigen::Vector3f ambient = light_.ambient.At(at.normal);
         tile.spots.push_back(

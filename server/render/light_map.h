@@ -106,7 +106,7 @@ class LightMapper {
     std::vector<float> seen, kept;  // [spot][lamp]: received of what the factor counts from, and what is left
     Eigen::Vector3f center = Eigen::Vector3f::Zero();  // of a sphere around them
     float radius_m = 0;
-    bool changed = false;  // by the actor, in the last frame
+    bool dimmed = false;  // by the actor, in the last frame
   };
 
   void PlaceLamps(const LightMapInput& in);
