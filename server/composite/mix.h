@@ -7,8 +7,8 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "proto/base/srgb.h"
 #include "proto/codec/yuv_image.h"
-#include "server/render/srgb.h"
 
 namespace mixstage {
 

@@ -8,6 +8,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "proto/base/check.h"
+#include "proto/base/srgb.h"
 #include "proto/geometry/half_camera.h"
 #include "server/raster/rasteriser.h"
 
@@ -17,22 +18,6 @@ namespace {
 constexpr int kOcclusionShrink = 2;
 constexpr int kCoarse = 4;           // the coarse band's pixels are this much larger
 constexpr double kCoarseBlur = 2.5;  // of those pixels
-
-float ToLinear(float srgb01) {
-  return srgb01 <= 0.04045f ? srgb01 / 12.92f : std::pow((srgb01 + 0.055f) / 1.055f, 2.4f);
-}
-float ToSrgb(float linear) {
-  return linear <= 0.0031308f ? 12.92f * linear : 1.055f * std::pow(linear, 1 / 2.4f) - 0.055f;
-}
-
-const std::array<float, 256>& LinearOfCode() {
-  static const std::array<float, 256> table = [] {
-    std::array<float, 256> t{};
-    for (std::size_t i = 0; i < t.size(); ++i) t[i] = ToLinear(static_cast<float>(i) / 255);
-    return t;
-  }();
-  return table;
-}
 
 // The colour camera in single precision.
 struct Lens {
@@ -124,8 +109,8 @@ cv::Mat3w Corrected(const cv::Mat3b& bgr, const Vignetting& vignetting, double e
     std::vector<std::uint16_t> table(kSteps + 1);
     for (int i = 0; i <= kSteps; ++i) {
       const float root = 1.118f * static_cast<float>(i) / kSteps;
-      table[static_cast<std::size_t>(i)] =
-          static_cast<std::uint16_t>(std::lround(std::min(65535.f, 255 * kCodeScale * ToSrgb(root * root))));
+      table[static_cast<std::size_t>(i)] = static_cast<std::uint16_t>(
+          std::lround(std::min(65535.f, 255 * kCodeScale * SrgbOfLinear(root * root))));
     }
     return table;
   }();
@@ -136,7 +121,7 @@ cv::Mat3w Corrected(const cv::Mat3b& bgr, const Vignetting& vignetting, double e
         const auto gain = static_cast<float>(1 / (vignetting.Gain(x, y) * exposure));
         const cv::Vec3b in = bgr(y, x);
         for (int c = 0; c < 3; ++c) {
-          float linear = LinearOfCode()[in[c]] * gain;
+          float linear = SrgbTables::Get().ToLinear(in[c]) * gain;
           if (in[c] >= 254) linear = std::max(linear, 1.f);
           const float root = std::sqrt(linear) * (kSteps / 1.118f);
           out(y, x)[c] = to_code[static_cast<std::size_t>(std::min(root + 0.5f, static_cast<float>(kSteps)))];
@@ -245,7 +230,8 @@ Photometry SolvePhotometry(const std::vector<PosedPicture>& views,
         // Edges are misplaced, white is clipped, black is noise.
         if (std::max({code[0], code[1], code[2]}) > 245 || code[1] < 12 || std::abs(code[1] - sharp[1]) > 12)
           continue;
-        sights.push_back({i, shape.R2(u, v), std::log(static_cast<double>(LinearOfCode()[code[1]]))});
+        sights.push_back(
+            {i, shape.R2(u, v), std::log(static_cast<double>(SrgbTables::Get().ToLinear(code[1])))});
       }
       if (sights.size() >= 2) points.push_back(std::move(sights));
     }

@@ -10,17 +10,13 @@
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 
+#include "proto/base/srgb.h"
 #include "proto/base/text.h"
 
 namespace mixstage {
 namespace {
 
 constexpr std::size_t kMostLamps = 32;
-
-float ToLinear(std::uint8_t code) {
-  const float s = static_cast<float>(code) / 255;
-  return s <= 0.04045f ? s / 12.92f : std::pow((s + 0.055f) / 1.055f, 2.4f);
-}
 
 struct Region {
   std::vector<Eigen::Vector3d> points;
@@ -233,8 +229,8 @@ struct Reflectors {
 };
 
 Eigen::Array3d LinearOf(const cv::Vec4b& c) {
-  return {static_cast<double>(ToLinear(c[0])), static_cast<double>(ToLinear(c[1])),
-          static_cast<double>(ToLinear(c[2]))};
+  const SrgbTables& srgb = SrgbTables::Get();
+  return Eigen::Array3f(srgb.ToLinear(c[0]), srgb.ToLinear(c[1]), srgb.ToLinear(c[2])).cast<double>();
 }
 
 Reflectors ReflectorsOf(const cv::Mat4b& color, const DenseSurface& dense, const SurfaceNodes& nodes,

@@ -10,8 +10,8 @@
 #include "proto/base/check.h"
 #include "proto/base/image_mat.h"
 #include "proto/base/log.h"
+#include "proto/base/srgb.h"
 #include "server/render/spread.h"
-#include "server/render/srgb.h"
 
 namespace mixstage {
 namespace {

@@ -9,7 +9,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "proto/base/check.h"
-#include "server/render/srgb.h"
+#include "proto/base/srgb.h"
 
 namespace mixstage {
 namespace {

@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "proto/base/check.h"
+#include "proto/base/srgb.h"
 #include "proto/geometry/half_camera.h"
 #include "server/render/interpolate.h"
-#include "server/render/srgb.h"
 
 namespace mixstage {
 namespace {

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "proto/base/check.h"
+#include "proto/base/srgb.h"
 #include "server/render/texture_address.h"
 
 namespace mixstage {
@@ -15,7 +16,7 @@ cv::Mat4w ToLinear(const cv::Mat4b& rgba) {
   std::array<std::uint16_t, 256> linear{};
   for (int i = 0; i < 256; ++i)
     linear[static_cast<std::size_t>(i)] =
-        static_cast<std::uint16_t>(std::lround(65535.0f * LinearOfSrgb8(i)));
+        static_cast<std::uint16_t>(std::lround(65535.0f * LinearOfSrgb(static_cast<float>(i) / 255)));
   cv::Mat4w out(rgba.size());
   for (int y = 0; y < rgba.rows; ++y) {
     for (int x = 0; x < rgba.cols; ++x) {
@@ -110,11 +111,6 @@ void WriteWithBorder(const cv::Mat4w& image, TextureWrap wrap_u, TextureWrap wra
 }
 
 }  // namespace
-
-float LinearOfSrgb8(int x) {
-  const float c = static_cast<float>(x) / 255.0f;
-  return c <= 0.04045f ? c / 12.92f : std::pow((c + 0.055f) / 1.055f, 2.4f);
-}
 
 TextureMips::TextureMips(const Texture& texture, int largest_side)
     : wrap_u_(texture.wrap_u), wrap_v_(texture.wrap_v) {

@@ -67,7 +67,4 @@ void SampleTextures(std::span<const TextureMips* const> textures, const Fragment
 void SampleTexturesScalar(std::span<const TextureMips* const> textures, const FragmentRows& rows,
                           float* rgba);
 
-// x in 0..255, sRGB, to 0..1 in linear light.
-[[nodiscard]] float LinearOfSrgb8(int x);
-
 }  // namespace mixstage

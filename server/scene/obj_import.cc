@@ -12,6 +12,7 @@
 #include <tuple>
 #include <unordered_map>
 
+#include "proto/base/srgb.h"
 #include "server/scene/model_file.h"
 #include "server/scene/texture_file.h"
 
@@ -97,8 +98,6 @@ std::string ReadMaterialFiles(const TextSummary& summary, const std::filesystem:
   return text;
 }
 
-float SrgbToLinear(float c) { return c <= 0.04045f ? c / 12.92f : std::pow((c + 0.055f) / 1.055f, 2.4f); }
-
 float Unit(float value, float otherwise) {
   return std::isfinite(value) ? std::clamp(value, 0.0f, 1.0f) : otherwise;
 }
@@ -107,7 +106,7 @@ float Unit(float value, float otherwise) {
 Material ReadMaterial(const tinyobj::material_t& source) {
   Material material;
   material.name = source.name.substr(0, 128);
-  for (int c = 0; c < 3; ++c) material.base_color[c] = SrgbToLinear(Unit(source.diffuse[c], 1));
+  for (int c = 0; c < 3; ++c) material.base_color[c] = LinearOfSrgb(Unit(source.diffuse[c], 1));
   material.base_alpha = Unit(source.dissolve, 1);
   material.alpha_mask = true;
   material.metallic = Unit(source.metallic, 0);

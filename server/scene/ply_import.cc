@@ -10,6 +10,7 @@
 #include <cstring>
 #include <string_view>
 
+#include "proto/base/srgb.h"
 #include "server/scene/model_file.h"
 
 namespace mixstage {
@@ -197,7 +198,7 @@ int SlotOf(const std::string& name) {
 
 float LinearColor(double value, NumberType type) {
   const double srgb = std::clamp(type == NumberType::kUint8 ? value / 255.0 : value, 0.0, 1.0);
-  return static_cast<float>(srgb <= 0.04045 ? srgb / 12.92 : std::pow((srgb + 0.055) / 1.055, 2.4));
+  return LinearOfSrgb(static_cast<float>(srgb));
 }
 
 auto CutShort(const Element& element, std::size_t i) {

@@ -4,26 +4,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "proto/base/srgb.h"
+
 namespace mixstage {
 namespace {
-
-float ToLinear(std::uint8_t code) {
-  static const std::array<float, 256> table = [] {
-    std::array<float, 256> linear{};
-    for (std::size_t i = 0; i < linear.size(); ++i) {
-      const double c = static_cast<double>(i) / 255;
-      linear[i] = static_cast<float>(c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4));
-    }
-    return linear;
-  }();
-  return table[code];
-}
-
-std::uint8_t ToSrgb(float linear) {
-  const float c = std::clamp(linear, 0.0f, 1.0f);
-  const float srgb = c <= 0.0031308f ? 12.92f * c : 1.055f * std::pow(c, 1 / 2.4f) - 0.055f;
-  return static_cast<std::uint8_t>(srgb * 255 + 0.5f);
-}
 
 // Texel of a column or row anywhere beside the picture.
 int Wrapped(std::int64_t texel, int size, TextureWrap wrap) {
@@ -47,6 +31,7 @@ Eigen::Vector3f Sample(const Texture& texture, const Eigen::Vector2f& uv) {
   const float x = std::clamp(uv.x(), -kFarthest, kFarthest) * static_cast<float>(width) - 0.5f;
   const float y = std::clamp(uv.y(), -kFarthest, kFarthest) * static_cast<float>(height) - 0.5f;
   const float left = std::floor(x), top = std::floor(y);
+  const SrgbTables& srgb = SrgbTables::Get();
   Eigen::Vector3f sum = Eigen::Vector3f::Zero();
   for (int corner = 0; corner < 4; ++corner) {
     const int dx = corner & 1, dy = corner >> 1;
@@ -54,7 +39,8 @@ Eigen::Vector3f Sample(const Texture& texture, const Eigen::Vector2f& uv) {
     const cv::Vec4b& texel =
         texture.rgba(Wrapped(static_cast<std::int64_t>(top) + dy, height, texture.wrap_v),
                      Wrapped(static_cast<std::int64_t>(left) + dx, width, texture.wrap_u));
-    sum += weight * Eigen::Vector3f(ToLinear(texel[0]), ToLinear(texel[1]), ToLinear(texel[2]));
+    sum +=
+        weight * Eigen::Vector3f(srgb.ToLinear(texel[0]), srgb.ToLinear(texel[1]), srgb.ToLinear(texel[2]));
   }
   return sum;
 }
@@ -76,7 +62,8 @@ std::vector<std::array<std::uint8_t, 3>> BakeVertexColors(const Mesh& mesh) {
         color = color.cwiseProduct(
             Sample(mesh.textures[static_cast<std::size_t>(material.texture)], mesh.uvs[v]));
       }
-      for (std::size_t c = 0; c < 3; ++c) baked[v][c] = ToSrgb(color[static_cast<Eigen::Index>(c)]);
+      for (std::size_t c = 0; c < 3; ++c)
+        baked[v][c] = SrgbTables::Get().ToSrgb(color[static_cast<Eigen::Index>(c)]);
     }
   }
   return baked;

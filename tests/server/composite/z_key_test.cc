@@ -7,8 +7,8 @@
 #include <cmath>
 #include <utility>
 
+#include "proto/base/srgb.h"
 #include "server/composite/mix.h"
-#include "server/render/srgb.h"
 
 namespace mixstage {
 namespace {

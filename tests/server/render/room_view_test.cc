@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "server/render/srgb.h"
+#include "proto/base/srgb.h"
 
 namespace mixstage {
 namespace {

@@ -7,8 +7,8 @@
 #include <random>
 #include <utility>
 
+#include "proto/base/srgb.h"
 #include "proto/codec/yuv_image.h"
-#include "server/render/srgb.h"
 #include "tests/server/segmentation/flat_room.h"
 
 namespace mixstage {

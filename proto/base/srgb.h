@@ -8,7 +8,15 @@
 
 namespace mixstage {
 
-// sRGB transfer by tables: 8 bit to linear light 0..1 exactly, back by 4096 steps of sqrt(linear), which puts
+// sRGB's transfer (IEC 61966-2-1), both ways; codes and linear light are 0..1.
+[[nodiscard]] inline float LinearOfSrgb(float code) {
+  return code <= 0.04045f ? code / 12.92f : std::pow((code + 0.055f) / 1.055f, 2.4f);
+}
+[[nodiscard]] inline float SrgbOfLinear(float linear) {
+  return linear <= 0.0031308f ? 12.92f * linear : 1.055f * std::pow(linear, 1 / 2.4f) - 0.055f;
+}
+
+// The same by tables: 8 bit to linear light 0..1 exactly, back by 4096 steps of sqrt(linear), which puts
 // the steps where sRGB's own are (error below half a level). Values outside 0..1 are clamped.
 class SrgbTables {
  public:
