@@ -4,10 +4,11 @@
 # tests/fuzz/corpus. What it learns stays in build-asan/fuzz/TARGET, what breaks in build-asan/fuzz/broken.
 #
 #   tests/fuzz.sh [SECONDS] [TARGET]      each for SECONDS (default 60); TARGET: a name, e.g. jpeg
+#   FUZZ_SEED=1 tests/fuzz.sh             from the same random numbers each time; without it from others
 #   build-asan/tests/fuzz/fuzz_TARGET build-asan/fuzz/broken/FILE       shows one again
 set -uo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-case ${1:-} in -h | --help) sed -n '3,7s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; exit 0 ;; esac
+case ${1:-} in -h | --help) sed -n '3,8s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; exit 0 ;; esac
 seconds=${1:-60} target=${2:-}
 
 tests/sanitize/build.sh asan fuzzers || exit 1
@@ -17,7 +18,7 @@ fuzz() {
   local seconds=$1 name=$2 log
   mkdir -p "build-asan/fuzz/$name"
   log=build-asan/fuzz/$name.log
-  if "build-asan/tests/fuzz/fuzz_$name" -max_total_time="$seconds" -timeout=20 -rss_limit_mb=2048 -malloc_limit_mb=1024 \
+  if "build-asan/tests/fuzz/fuzz_$name" -seed="${FUZZ_SEED:-0}" -max_total_time="$seconds" -timeout=20 -rss_limit_mb=2048 -malloc_limit_mb=1024 \
     -artifact_prefix="build-asan/fuzz/broken/$name-" "build-asan/fuzz/$name" "tests/fuzz/corpus/$name" >"$log" 2>&1; then
     echo "ok fuzz.$name ($(grep -oP '^Done \K\d+' "$log") runs)"
   else

@@ -68,7 +68,7 @@ for part in "${chosen[@]}"; do
       tally boards tests/support/run_gtest.py build/tests/real_boards ;;
     browser) tally browser tests/browser/run.sh build ;;
     asan) tally asan tests/asan.sh ;;
-    fuzz) tally fuzz tests/fuzz.sh 10 ;;
+    fuzz) FUZZ_SEED=1 tally fuzz tests/fuzz.sh 10 ;;
     soak) tally soak python3 tests/e2e/soak.py build 1000 ;;
   esac
 done

@@ -15,9 +15,6 @@ namespace {
 using Json = nlohmann::json;
 
 constexpr int kMaxId = std::numeric_limits<int>::max();
-constexpr std::array<const char*, std::variant_size_v<EditOp>> kOpNames = {
-    "add",   "move",   "turn",  "drop",   "delete", "hide", "animate",
-    "light", "avatar", "adopt", "forget", "undo",   "redo", "save"};
 
 std::string Dump(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
 
@@ -42,101 +39,123 @@ void ReadPoint(JsonReader& read, PicturePoint* point) {
   read.Double("v", &point->v);
 }
 
-void ReadMove(JsonReader& read, MoveObject* move) {
-  ReadId(read, "object", &move->object);
+// Of what names nothing but an object.
+template <typename Op>
+EditOp ReadObject(JsonReader& read) {
+  Op op;
+  ReadId(read, "object", &op.object);
+  return op;
+}
+
+EditOp ReadAdd(JsonReader& read) {
+  AddObject add;
+  read.Text("file", &add.file);
+  ReadPoint(read, &add.at);
+  return add;
+}
+
+EditOp ReadMove(JsonReader& read) {
+  MoveObject move;
+  ReadId(read, "object", &move.object);
   if (read.Has("position")) {
-    if (read.Has("u") || read.Has("v"))
-      return read.Refuse("position", "stands beside u, v: give one or the other");
+    if (read.Has("u") || read.Has("v")) {
+      read.Refuse("position", "stands beside u, v: give one or the other");
+      return move;
+    }
     ToPosition to;
     read.Numbers("position", to.position);
-    move->to = to;
-    return;
+    move.to = to;
+    return move;
   }
   PicturePoint at;
   ReadPoint(read, &at);
-  move->to = ToSurface{at};
-  if (!read.Has("on")) return;
+  move.to = ToSurface{at};
+  if (!read.Has("on")) return move;
   read.Choice("on", {"floor"});
-  move->to = AlongFloor{at};
+  move.to = AlongFloor{at};
+  return move;
 }
 
-void ReadLight(JsonReader& read, ChangeLight* light) {
-  ReadId(read, "light", &light->light);
-  if (read.Has("position")) read.Numbers("position", light->position.emplace());
-  if (read.Has("color")) read.Numbers("color", light->color.emplace());
-  if (read.Has("intensity")) read.Double("intensity", &light->intensity.emplace());
-  if (!light->position && !light->color && !light->intensity) {
+EditOp ReadTurn(JsonReader& read) {
+  TurnObject turn;
+  ReadId(read, "object", &turn.object);
+  read.Double("angle_deg", &turn.angle_deg);
+  return turn;
+}
+
+EditOp ReadHide(JsonReader& read) {
+  HideObject hide;
+  ReadId(read, "object", &hide.object);
+  read.Bool("hidden", &hide.hidden);
+  return hide;
+}
+
+EditOp ReadAnimate(JsonReader& read) {
+  AnimateObject animate;
+  ReadId(read, "object", &animate.object);
+  read.Text("animation", &animate.animation);
+  return animate;
+}
+
+EditOp ReadLight(JsonReader& read) {
+  ChangeLight light;
+  ReadId(read, "light", &light.light);
+  if (read.Has("position")) read.Numbers("position", light.position.emplace());
+  if (read.Has("color")) read.Numbers("color", light.color.emplace());
+  if (read.Has("intensity")) read.Double("intensity", &light.intensity.emplace());
+  if (!light.position && !light.color && !light.intensity) {
     read.Refuse("light", "comes without position, color or intensity");
   }
+  return light;
 }
 
+EditOp ReadAvatar(JsonReader& read) {
+  PlaceAvatar place;
+  if (read.Has("position")) read.Numbers("position", place.position.emplace());
+  if (read.Has("turn_deg")) read.Double("turn_deg", &place.turn_deg.emplace());
+  if (!place.position && !place.turn_deg) read.Refuse("avatar", "comes without position or turn_deg");
+  return place;
+}
+
+EditOp ReadAdopt(JsonReader& read) {
+  AdoptThing adopt;
+  ReadPoint(read, &adopt.at);
+  return adopt;
+}
+
+// Of what says all by its name.
+template <typename Op>
+EditOp ReadBare(JsonReader&) {
+  return Op{};
+}
+
+// In the order of EditOp.
+struct OpFormat {
+  const char* name;
+  EditOp (*read)(JsonReader&);
+};
+constexpr std::array<OpFormat, std::variant_size_v<EditOp>> kOps = {{{"add", ReadAdd},
+                                                                     {"move", ReadMove},
+                                                                     {"turn", ReadTurn},
+                                                                     {"drop", ReadObject<DropObject>},
+                                                                     {"delete", ReadObject<DeleteObject>},
+                                                                     {"hide", ReadHide},
+                                                                     {"animate", ReadAnimate},
+                                                                     {"light", ReadLight},
+                                                                     {"avatar", ReadAvatar},
+                                                                     {"adopt", ReadAdopt},
+                                                                     {"forget", ReadBare<ForgetThings>},
+                                                                     {"undo", ReadBare<UndoEdit>},
+                                                                     {"redo", ReadBare<RedoEdit>},
+                                                                     {"save", ReadBare<SaveScene>}}};
+
 EditOp ReadOp(JsonReader& read) {
-  switch (read.Choice("op", kOpNames)) {
-    case 0: {
-      AddObject add;
-      read.Text("file", &add.file);
-      ReadPoint(read, &add.at);
-      return add;
-    }
-    case 1: {
-      MoveObject move;
-      ReadMove(read, &move);
-      return move;
-    }
-    case 2: {
-      TurnObject turn;
-      ReadId(read, "object", &turn.object);
-      read.Double("angle_deg", &turn.angle_deg);
-      return turn;
-    }
-    case 3: {
-      DropObject drop;
-      ReadId(read, "object", &drop.object);
-      return drop;
-    }
-    case 4: {
-      DeleteObject gone;
-      ReadId(read, "object", &gone.object);
-      return gone;
-    }
-    case 5: {
-      HideObject hide;
-      ReadId(read, "object", &hide.object);
-      read.Bool("hidden", &hide.hidden);
-      return hide;
-    }
-    case 6: {
-      AnimateObject animate;
-      ReadId(read, "object", &animate.object);
-      read.Text("animation", &animate.animation);
-      return animate;
-    }
-    case 7: {
-      ChangeLight light;
-      ReadLight(read, &light);
-      return light;
-    }
-    case 8: {
-      PlaceAvatar place;
-      if (read.Has("position")) read.Numbers("position", place.position.emplace());
-      if (read.Has("turn_deg")) read.Double("turn_deg", &place.turn_deg.emplace());
-      if (!place.position && !place.turn_deg) read.Refuse("avatar", "comes without position or turn_deg");
-      return place;
-    }
-    case 9: {
-      AdoptThing adopt;
-      ReadPoint(read, &adopt.at);
-      return adopt;
-    }
-    case 10:
-      return ForgetThings{};
-    case 12:
-      return RedoEdit{};
-    case 13:
-      return SaveScene{};
-    default:  // undo, and what was refused
-      return UndoEdit{};
-  }
+  static const auto names = [] {
+    std::array<const char*, kOps.size()> all{};
+    std::ranges::transform(kOps, all.begin(), &OpFormat::name);
+    return all;
+  }();
+  return kOps[read.Choice("op", names)].read(read);
 }
 
 Result<std::vector<std::string>> ReadNames(const std::string& place, const Json& list) {
@@ -255,7 +274,7 @@ struct PutOp {
 
 }  // namespace
 
-const char* OpName(const EditOp& op) { return kOpNames[op.index()]; }
+const char* OpName(const EditOp& op) { return kOps[op.index()].name; }
 
 std::string ToJson(const WatchScene& scene) {
   Json objects = Json::array();

@@ -9,12 +9,6 @@
 #include "server/ingest/take_ingest.h"
 
 namespace mixstage {
-namespace {
-
-constexpr std::size_t kMostTriangles = 400'000;
-
-}  // namespace
-
 Result<OpenedEnvironment> OpenEnvironment(const std::filesystem::path& folder) {
   auto parsed = ReadEnvironment(folder);
   if (!parsed) return tl::unexpected(parsed.error());
@@ -26,7 +20,7 @@ Result<OpenedEnvironment> OpenEnvironment(const std::filesystem::path& folder) {
     opened.warnings.push_back((folder / "environment.json").string() + ": " + warning);
   std::vector<Eigen::Vector3f> surface_positions = model->positions;
   std::vector<std::uint32_t> surface_indices = model->indices;
-  SplitForPanorama(opened.environment.panorama, kMostTriangles, *model);
+  SplitForPanorama(opened.environment.panorama, *model);
   opened.how = "environment, " + std::to_string(model->triangle_count()) + " triangles";
   opened.room = {.model = std::move(*model),
                  .doubt = {.registration_px = static_cast<float>(opened.environment.registration_px),

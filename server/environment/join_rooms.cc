@@ -17,7 +17,6 @@ namespace {
 constexpr double kOnSurface_m = 0.05;       // from it, and
 constexpr double kOnSurfaceOfRange = 0.01;  // of the range: what two scans of one surface may differ by
 constexpr double kDegrees = 180 / std::numbers::pi;
-constexpr std::size_t kMostTriangles = 400'000;  // of one room, once its texture lies straight
 
 // Where the rays of a scan ended.
 class Sight {
@@ -237,8 +236,8 @@ RoomScan JoinRooms(const RoomScan& first, const RoomScan& second, const RigidTra
   JoinPictures(first, second, T_first_second, join, report.gain, out.pictures);
 
   RoomModel base = first.room, other = second.room;
-  SplitForPanorama(first.environment.panorama, kMostTriangles, base);
-  SplitForPanorama(second.environment.panorama, kMostTriangles, other);
+  SplitForPanorama(first.environment.panorama, base);
+  SplitForPanorama(second.environment.panorama, other);
   if (join == Join::kPatch)
     report.dropped = DropSeen(Sight(second), T_first_second.inverse(), base);
   else

@@ -73,9 +73,9 @@ class Splitter {
 
 }  // namespace
 
-void SplitForPanorama(const Panorama& panorama, std::size_t max_triangles, RoomModel& room) {
+void SplitForPanorama(const Panorama& panorama, RoomModel& room) {
   Splitter splitter(panorama, room);
-  for (int round = 0; round < kMostRounds && room.triangle_count() < max_triangles; ++round) {
+  for (int round = 0; round < kMostRounds && room.triangle_count() < kMostSplitTriangles; ++round) {
     splitter.NextRound();
     std::vector<std::uint32_t> out;
     out.reserve(room.indices.size());

@@ -9,7 +9,8 @@ namespace mixstage {
 // A texture that is the panorama lies straight on a surface only while triangles are small: along an edge its
 // coordinates are no linear function of the place. Splits edges until they are off by half a texel at most;
 // both triangles of an edge are split alike, so that no gap opens. Edges whose ends are not where the
-// panorama has them (another texture) stay; so does everything once max_triangles are reached.
-void SplitForPanorama(const Panorama& panorama, std::size_t max_triangles, RoomModel& room);
+// panorama has them (another texture) stay; so does everything once kMostSplitTriangles are reached.
+inline constexpr std::size_t kMostSplitTriangles = 400'000;
+void SplitForPanorama(const Panorama& panorama, RoomModel& room);
 
 }  // namespace mixstage

@@ -9,6 +9,10 @@
 namespace mixstage {
 namespace {
 
+std::uint8_t CodeOf(float linear) {
+  return static_cast<std::uint8_t>(255 * SrgbOfLinear(std::clamp(linear, 0.0f, 1.0f)) + 0.5f);
+}
+
 // Texel of a column or row anywhere beside the picture.
 int Wrapped(std::int64_t texel, int size, TextureWrap wrap) {
   switch (wrap) {
@@ -62,8 +66,7 @@ std::vector<std::array<std::uint8_t, 3>> BakeVertexColors(const Mesh& mesh) {
         color = color.cwiseProduct(
             Sample(mesh.textures[static_cast<std::size_t>(material.texture)], mesh.uvs[v]));
       }
-      for (std::size_t c = 0; c < 3; ++c)
-        baked[v][c] = SrgbTables::Get().ToSrgb(color[static_cast<Eigen::Index>(c)]);
+      for (std::size_t c = 0; c < 3; ++c) baked[v][c] = CodeOf(color[static_cast<Eigen::Index>(c)]);
     }
   }
   return baked;

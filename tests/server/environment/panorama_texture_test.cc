@@ -42,7 +42,7 @@ double Area(const RoomModel& room) {
 TEST(PanoramaTexture, LiesStraightAfterSplitting) {
   const Panorama panorama = Wide();
   RoomModel room = Wall(panorama);
-  SplitForPanorama(panorama, 100'000, room);
+  SplitForPanorama(panorama, room);
   ASSERT_TRUE(room.Validate());
   EXPECT_GT(room.triangle_count(), 50u);
   EXPECT_NEAR(Area(room), 6, 1e-4);  // nothing lost, nothing twice
@@ -64,7 +64,7 @@ TEST(PanoramaTexture, AnotherTextureStaysAsItIs) {
   const Panorama panorama = Wide();
   RoomModel room = Wall(panorama);
   room.uvs = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
-  SplitForPanorama(panorama, 100'000, room);
+  SplitForPanorama(panorama, room);
   EXPECT_EQ(room.triangle_count(), 2u);
 }
 

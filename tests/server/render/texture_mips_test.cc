@@ -51,7 +51,8 @@ TEST(TextureMips, TexelCentresShowTheTexels) {
     for (int x = 0; x < 8; ++x) {
       const Eigen::Array4f color =
           mips.Sample((static_cast<float>(x) + 0.5f) / 8, (static_cast<float>(y) + 0.5f) / 4, 1.0f);
-      for (int c = 0; c < 3; ++c) EXPECT_NEAR(color[c], SrgbTables::Get().ToLinear(texture.rgba(y, x)[c]), 1e-4f);
+      for (int c = 0; c < 3; ++c)
+        EXPECT_NEAR(color[c], SrgbTables::Get().ToLinear(texture.rgba(y, x)[c]), 1e-4f);
     }
   }
 }
