@@ -317,7 +317,6 @@ void LightMapper::Fill(const Tile& tile, const std::vector<cv::Vec3f>& factor, B
   }
 }
 
-// What is dimmed by less than is seen stays as it is.
 void LightMapper::DropUnseen(Tile& tile) const {
   const std::size_t lamps = lamps_.size();
   std::size_t left = 0;

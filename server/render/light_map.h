@@ -126,8 +126,9 @@ class LightMapper {
   enum class Beside { kLit, kUnknown };
   // factor: of each of the tile's spots.
   static void Fill(const Tile& tile, const std::vector<cv::Vec3f>& factor, Beside beside, cv::Mat3f& factors);
-  // Adds a tile whose spots are there; one without any is dropped.
+  // Spots that are dimmed by less than is seen.
   void DropUnseen(Tile& tile) const;
+  // Adds a tile whose spots are there; one without any is dropped.
   void Close(Tile tile, std::vector<Tile>& to, Beside beside, cv::Mat3f& factors);
   [[nodiscard]] cv::Vec3f FactorOf(const Tile& tile, std::size_t spot, const float* actor_lit) const;
   // What the actor changes; false: nothing, now and in the frame before.
