@@ -239,35 +239,25 @@ cv::Vec3f PixelFactor(const LightMap& map, const std::uint8_t* alpha, int x, int
   return (1 - share) * FactorAt(map.room, x, y) + share * FactorAt(map.actor, x, y);
 }
 
-// The part of a plane that a square covers, of chroma by its shifts.
-cv::Rect PartOf(const cv::Rect& tile, int shift_x, int shift_y) {
-  return {tile.x >> shift_x, tile.y >> shift_y, (tile.width + shift_x) >> shift_x,
-          (tile.height + shift_y) >> shift_y};
-}
-
 // A square at the picture's right edge goes on as it ends, beside the picture.
 void RelightNarrow(const RelightTile& in) {
-  const int shift_x = ChromaShiftX(in.color->layout), shift_y = ChromaShiftY(in.color->layout);
-  const cv::Rect luma = PartOf(in.box, 0, 0), chroma = PartOf(in.box, shift_x, shift_y);
-  const auto wide = [](const cv::Mat1b& plane, const cv::Rect& part, int width) {
+  const auto wide = [](const cv::Mat1b& plane, int width) {
     cv::Mat1b whole;
-    cv::copyMakeBorder(plane(part), whole, 0, 0, 0, width - part.width,
-                       cv::BORDER_REPLICATE | cv::BORDER_ISOLATED);
+    cv::copyMakeBorder(plane, whole, 0, 0, 0, width - plane.cols, cv::BORDER_REPLICATE | cv::BORDER_ISOLATED);
     return whole;
   };
-  YuvImage color, lit;
-  color.layout = in.color->layout;
-  color.y = wide(in.color->y, luma, kSide);
-  color.cb = wide(in.color->cb, chroma, kSide >> shift_x);
-  color.cr = wide(in.color->cr, chroma, kSide >> shift_x);
+  const YuvImage from = Crop(*in.color, in.box), to = Crop(*in.lit, in.box);
+  const int chroma_width = kSide >> ChromaShiftX(from.layout);
+  const YuvImage color = {from.layout, wide(from.y, kSide), wide(from.cb, chroma_width),
+                          wide(from.cr, chroma_width)};
+  const cv::Mat1b alpha = in.alpha.empty() ? cv::Mat1b() : wide(AsMat(in.alpha)(in.box), kSide);
+  YuvImage lit;
   lit.Create(kSide, in.box.height, color.layout);
-  cv::Mat1b alpha;
-  if (!in.alpha.empty()) alpha = wide(AsMat(in.alpha), luma, kSide);
   HWY_DYNAMIC_DISPATCH(RelightOne)
-  ({{0, 0, kSide, in.box.height}, in.room, in.actor, View(std::as_const(alpha)), &color, &lit});
-  lit.y(cv::Rect({}, luma.size())).copyTo(in.lit->y(luma));
-  lit.cb(cv::Rect({}, chroma.size())).copyTo(in.lit->cb(chroma));
-  lit.cr(cv::Rect({}, chroma.size())).copyTo(in.lit->cr(chroma));
+  ({{0, 0, kSide, in.box.height}, in.room, in.actor, View(alpha), &color, &lit});
+  lit.y.colRange(0, to.y.cols).copyTo(to.y);
+  lit.cb.colRange(0, to.cb.cols).copyTo(to.cb);
+  lit.cr.colRange(0, to.cr.cols).copyTo(to.cr);
 }
 
 }  // namespace

@@ -15,7 +15,8 @@ using D = hn::CappedTag<float, 16>;
 using V = hn::Vec<D>;
 using M = hn::Mask<D>;
 
-// Whether (x, y, z) from the lamp lies in the pyramid of a cube's face: the first of the largest from behind.
+// Whether (x, y, z) from the lamp lies in the pyramid of a cube's face; where two are as large, as FaceOf
+// (shadow_map.cc): z before y before x.
 HWY_INLINE M InFace(int number, V x, V y, V z) {
   const D d;
   const V far_x = hn::Abs(x), far_y = hn::Abs(y), far_z = hn::Abs(z);
