@@ -8,7 +8,7 @@
 #include "tests/support/synthetic_take.h"
 
 int main(int argc, char** argv) {
-  if (argc < 2 || argc == 3 || argc > 5) {
+  if (argc < 2 || argc == 3 || argc > 5 || argv[1][0] == '-') {
     std::fprintf(stderr, "usage: make_synthetic_take FOLDER [BEGIN_S END_S [RIG_FILE]]\n");
     return 2;
   }
